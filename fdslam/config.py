@@ -1,0 +1,273 @@
+"""The configuration's schema: every switch, its range, its unit and the paper's symbol.
+
+``conf/`` holds the values; this file says which keys exist and what they may be. Hydra merges the two, so an unknown
+key or a wrong type never reaches a stage. A base class (``Orb``, ``Vocabulary``, …) names the fields that one stage
+reads: its artefacts are addressed by those alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING
+
+from fdslam.errors import InputError
+
+METHODS = ("FD", "PC", "AD", "FD+AD+PC", "FD+AD", "FD+PC")  # Table I, top to bottom
+
+
+def option(default: Any, help: str, *, choices: tuple = (), low: float | None = None, high: float | None = None) -> Any:
+    """Declare a field with its meaning and its range (``low <= value <= high`` or one of ``choices``)."""
+    metadata = {"help": help, "choices": choices, "low": low, "high": high}
+    if isinstance(default, list):
+        return field(default_factory=lambda: list(default), metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+class Checked:
+    """Checks every field's range when an object is made from the merged configuration."""
+
+    group: ClassVar[str | None] = None  # how the command line names it, where that is not the class's own name
+
+    def __post_init__(self) -> None:
+        """Raise InputError, naming group and key, for the first value out of range."""
+        for f in fields(self):  # type: ignore[arg-type]
+            value, meta = getattr(self, f.name), f.metadata
+            group = type(self).__name__.lower() if self.group is None else self.group
+            where = f"{group}.{f.name}".lstrip(".")
+            for item in value if isinstance(value, list) else [value]:
+                if item == MISSING and isinstance(item, str):
+                    continue
+                if meta.get("choices") and item not in meta["choices"]:
+                    raise InputError(f"{where}={item}: choose one of {', '.join(map(str, meta['choices']))}")
+                low, high = meta.get("low"), meta.get("high")
+                if isinstance(item, float) and not math.isfinite(item):
+                    raise InputError(f"{where}={item}: a finite number is needed")
+                if (low is not None and not item >= low) or (high is not None and not item <= high):
+                    bounds = f"at least {low}" if high is None else f"{low} to {high}"
+                    raise InputError(f"{where}={item}: out of range, it must be {bounds}")
+
+
+@dataclass
+class Dataset(Checked):
+    """Where the images come from; the options of the group `dataset` extend it."""
+
+    group: ClassVar[str | None] = "dataset"
+
+    kind: str = MISSING
+    radius: float = option(5.0, "same place by pose: distance at most this, metres", low=0)
+    angle: float = option(45.0, "same place by pose: headings differ at most this, degrees", low=0, high=180)
+    tolerance: int = option(3, "same place without poses: at most this many indices apart on one drive", low=0)
+
+
+@dataclass
+class Folder(Dataset):
+    """A folder with map/, query/ and, where known, annotations.json, map.csv, pairs.csv and labels/."""
+
+    root: str = MISSING
+
+
+@dataclass
+class Campus(Dataset):
+    """The embedded world: rendered on first use, deterministic in its seed and sizes."""
+
+    seed: int = option(0, "which campus", low=0)
+    map_images: int = option(96, "images of the map session", low=1)
+    query_images: int = option(72, "images of the query session", low=1)
+    width: int = option(308, "image width, pixels", low=64, high=4096)
+    height: int = option(404, "image height, pixels", low=64, high=4096)
+
+
+@dataclass
+class Obb(Checked):
+    """The OBB library (METHOD §2): names joined by +."""
+
+    library: str = option("J+B", "parts of the OBB library joined by +, e.g. A+J+B")
+
+
+@dataclass
+class Orb(Checked):
+    """Keypoints and descriptors of an image."""
+
+    features: int = option(1500, "ORB features per image", low=1, high=100_000)
+    grid: int = option(8, "spread the features over about grid² equal cells; 0: OpenCV's own choice", low=0, high=64)
+    min_side: int = option(720, "upscale images whose shorter side is below this, pixels; 0: never", low=0, high=8192)
+    fast_threshold: int = option(20, "FAST threshold of ORB, grey levels", low=1, high=255)
+
+
+@dataclass
+class Vocabulary(Checked):
+    """The incremental vocabulary."""
+
+    ratio: float = option(0.8, "a word is accepted if d1 <= ratio * d2", low=0, high=1)
+
+
+@dataclass
+class Retrieval(Checked):
+    """Weak lists."""
+
+    score: str = option("ibow", "n_jw² idf c | n_jw idf c | presence only", choices=("ibow", "tfidf", "binary"))
+    unretrieved: str = option(
+        "last", "rank of images with score 0: M, or next after the others", choices=("last", "next")
+    )
+    min_keypoints: int = option(1, "an OBB with fewer keypoints says nothing", low=1)
+
+
+@dataclass
+class Bow(Orb, Vocabulary, Retrieval):
+    """Bag of words (METHOD §3)."""
+
+
+@dataclass
+class Fd(Checked):
+    """Fault diagnosis (METHOD §5)."""
+
+    pooling: str = option("min", "over the top-Y hypotheses", choices=("min", "mean", "max", "median"))
+    order: str = option(
+        "fuse_then_pool",
+        "fuse the OBBs first, or pool the hypotheses first",
+        choices=("fuse_then_pool", "pool_then_fuse"),
+    )
+    mean: str = option("harmonic", "of the ranks of the OBBs that contain a pixel", choices=("harmonic", "arithmetic"))
+
+
+@dataclass
+class Keypoints(Checked):
+    """Harris-Laplace keypoints of pairwise comparison."""
+
+    keypoints: int = option(1500, "the strongest keypoints kept per image", low=1, high=100_000)
+    harris_k: float = option(0.04, "k of det - k tr²", low=0, high=0.25)
+    sigma: float = option(1.5, "the finest integration scale σ_I, pixels", low=0.5, high=16)
+    scale_step: float = option(1.4, "ratio of neighbouring scales", low=1.05, high=2)
+    scales: int = option(8, "number of scales, the two outermost only compared with", low=3, high=32)
+
+
+@dataclass
+class Pc(Keypoints):
+    """Pairwise comparison (METHOD §6)."""
+
+    spread: str = option(
+        "cell", "keypoints to cells: the maximum in a cell, or that blurred", choices=("cell", "gaussian")
+    )
+    spread_sigma: float = option(1.5, "of spread=gaussian, cells", low=0.1, high=20)
+
+
+@dataclass
+class Places(Checked):
+    """Partition of the map images into places (METHOD §7)."""
+
+    k: int = option(10, "number of places and of autoencoders", low=1, high=10_000)
+    places: str = option("appearance", "k-means on what", choices=("appearance", "pose", "time"))
+
+
+@dataclass
+class Autoencoder(Checked):
+    """One convolutional autoencoder and its training."""
+
+    pixels: int = option(
+        12_288, "area of the AE's input; its sides are multiples of 16 at the image's aspect", low=1024, high=1_048_576
+    )
+    channels: int = option(16, "channels of the first block, doubled by each of the four", low=1, high=256)
+    latent: int = option(128, "size of the code", low=1, high=4096)
+    epochs: int = option(120, "most epochs", low=1, high=100_000)
+    patience: int = option(15, "epochs without a better held-out loss before stopping", low=1, high=100_000)
+    batch: int = option(16, "images per step", low=1, high=4096)
+    learning_rate: float = option(2e-3, "of Adam", low=1e-8, high=1)
+    folds: int = option(
+        3, "cross-fitting folds inside a place: they give μ, σ and the number of epochs", low=2, high=100
+    )
+
+
+@dataclass
+class Ad(Places, Autoencoder):
+    """Anomaly detection (METHOD §7)."""
+
+    c: float = option(0.8, "normaliser coefficient of z = (RE - μ) / (c σ)", low=1e-6)
+    hypotheses: str = option(
+        "top1", "the AE of the best hypothesis, or the smallest z over the top Y", choices=("top1", "min")
+    )
+
+
+@dataclass
+class Mix(Checked):
+    """Which rows the table has and how detectors are fused (METHOD §8)."""
+
+    rows: list[str] = option(["FD", "PC", "AD", "FD+AD+PC"], "rows of the table", choices=METHODS)
+    rule: str = option(
+        "harmonic", "Eq. 1 on ascending ranks (b), or the sum of 1 / rank (a)", choices=("harmonic", "reciprocal")
+    )
+
+
+@dataclass
+class Mask(Checked):
+    """Sky and ground, where no change of interest is expected."""
+
+    source: str = option("none", "where the labels come from", choices=("none", "labels"))
+    min_share: float = option(1.0, "a cell is set to 0 where at least this share of it is sky or ground", low=0, high=1)
+
+
+@dataclass
+class Evaluation(Checked):
+    """The accuracy table (METHOD §8)."""
+
+    X: list[int] = option([5, 10, 15, 20], "percent of the cells that are selected", low=1, high=100)
+    Y: int = option(10, "hypotheses of the strong list", low=1, high=1000)
+    pool: str = option(
+        "all", "cells ranked over all queries, or within each: which the terminal shows first", choices=("all", "query")
+    )
+    criterion: str = option(
+        "coverage", "an object is found by |box ∩ selected| / |box| or by IoU", choices=("coverage", "iou")
+    )
+    found: float = option(0.5, "the least such share", low=0, high=1)
+    viewpoint: str = option(
+        "predicted", "hypotheses from the strong list or from the true place", choices=("predicted", "true")
+    )
+    bootstrap: int = option(1000, "resamplings of the queries for the intervals", low=10, high=100_000)
+    confidence: float = option(0.95, "of the intervals", low=0.5, high=0.999)
+
+
+@dataclass
+class Report(Checked):
+    """What is drawn."""
+
+    pictures: int = option(12, "pictures of as many best and as many worst queries", low=0, high=10_000)
+
+
+@dataclass
+class Config(Checked):
+    """The whole configuration."""
+
+    group: ClassVar[str | None] = ""
+
+    name: str = option("run", "names the output folder")
+    mode: str = option("paper", "named set of switches", choices=("paper",))
+    seed: int = option(0, "of everything random: k-means, autoencoders, ties, controls, bootstrap", low=0)
+    workers: int = option(0, "parallel workers; 0: one per core. Never changes a result", low=0, high=1024)
+    device: str = option("cpu", "where torch runs: cpu or cuda")
+    store: str = option("outputs/store", "folder of the artefacts that a second run reuses")
+    dataset: Dataset = field(default_factory=Dataset)
+    obb: Obb = field(default_factory=Obb)
+    bow: Bow = field(default_factory=Bow)
+    fd: Fd = field(default_factory=Fd)
+    pc: Pc = field(default_factory=Pc)
+    ad: Ad = field(default_factory=Ad)
+    mix: Mix = field(default_factory=Mix)
+    mask: Mask = field(default_factory=Mask)
+    evaluation: Evaluation = field(default_factory=Evaluation)
+    report: Report = field(default_factory=Report)
+
+
+def register() -> None:
+    """Tell Hydra the schema: call once before composing."""
+    store = ConfigStore.instance()
+    store.store(name="schema", node=Config)
+    for name, node in (("base_folder", Folder), ("base_campus", Campus)):
+        store.store(group="dataset", name=name, node=node)
+
+
+def part(config: Any, base: type) -> dict[str, Any]:
+    """Return the fields of ``config`` that ``base`` declares: what a stage's artefacts are addressed by."""
+    return {f.name: getattr(config, f.name) for f in fields(base)}

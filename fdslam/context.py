@@ -1,0 +1,52 @@
+"""What a detector works with: the data, the switches, the store and where each query was localised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam.config import Config
+from fdslam.progress import in_parallel, progress
+from fdslam.store import Arrays, Key, Stage, Store
+from fdslam.types import Dataset, Localization
+
+
+def ensure(store: Store, stage: Stage, jobs: Mapping[Key, Callable[[], Arrays]], workers: int, label: str) -> None:
+    """Make and store every artefact that is not there yet, in parallel; what is finished survives any interruption."""
+    missing = {key: job for key, job in jobs.items() if not store.has(stage, key)}
+
+    def make(key: Key, job: Callable[[], Arrays]) -> None:
+        store.put(stage, key, job())
+
+    made = in_parallel((partial(make, key, job) for key, job in missing.items()), workers)
+    for _ in progress(made, len(missing), label):
+        pass
+
+
+def load(store: Store, stage: Stage, key: Key, make: Callable[[], Arrays]) -> Arrays:
+    """Return an artefact, making and storing it first if it is absent or damaged."""
+    arrays = store.get(stage, key)
+    if arrays is None:
+        arrays = make()
+        store.put(stage, key, arrays)
+    return arrays
+
+
+@dataclass(frozen=True)
+class Context:
+    """One run, as far as detectors are concerned."""
+
+    config: Config
+    dataset: Dataset
+    store: Store
+    localizations: tuple[Localization, ...]  # per query
+    localization_keys: tuple[Key, ...]  # per query, addresses of the above
+    hypotheses: tuple[NDArray[np.int64], ...]  # per query up to Y map ids, best first
+
+    def ensure(self, stage: Stage, jobs: Mapping[Key, Callable[[], Arrays]], label: str) -> None:
+        """Make and store every artefact of a stage that is not there yet."""
+        ensure(self.store, stage, jobs, self.config.workers, label)

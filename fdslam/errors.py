@@ -1,0 +1,9 @@
+"""The one exception a user meets: a line that names the thing and the way out."""
+
+
+class InputError(Exception):
+    """Bad input, configuration or surroundings.
+
+    The message is one line for a person: what is wrong, where, and what to do. The command line prints it and exits
+    with status 2; nothing already stored is lost.
+    """

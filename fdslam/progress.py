@@ -1,0 +1,72 @@
+"""Work in parallel threads, with a progress bar on a terminal and plain lines elsewhere."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from typing import TypeVar
+
+import cv2
+import faiss
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+T = TypeVar("T")
+PLAIN_SECONDS = 10.0  # between two plain lines
+
+
+def single_threaded() -> None:
+    """Let this thread's numerical libraries run on one core: parallelism is over images, and results stay the same."""
+    threadpool_limits(1)  # BLAS and OpenMP of what is loaded by now
+    faiss.omp_set_num_threads(1)
+    cv2.setNumThreads(1)
+    if "torch" in sys.modules:  # the import takes seconds, and some stages do without
+        sys.modules["torch"].set_num_threads(1)
+
+
+def worker_count(workers: int) -> int:
+    """Return the number of workers: ``workers``, or one per available core for 0."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return workers or cores or 1
+
+
+def progress(items: Iterable[T], total: int, label: str) -> Iterator[T]:
+    """Yield the items, showing how many are done and how fast: a bar on a terminal, else a line every ten seconds."""
+    if sys.stderr.isatty():
+        yield from tqdm(items, total=total, desc=label, unit="it", dynamic_ncols=True)
+        return
+    start = last = time.monotonic()
+    done = 0
+    for done, item in enumerate(items, 1):
+        yield item
+        if time.monotonic() - last >= PLAIN_SECONDS:
+            last = time.monotonic()
+            print(f"{label}: {done}/{total}, {done / (last - start):.1f}/s", file=sys.stderr, flush=True)
+    if done:
+        print(f"{label}: {done}/{total} in {time.monotonic() - start:.1f} s", file=sys.stderr, flush=True)
+
+
+def in_parallel(jobs: Iterable[Callable[[], T]], workers: int) -> Iterator[T]:
+    """Run the jobs in threads (the libraries below release the interpreter) and yield results as they finish.
+
+    At most twice as many jobs as workers are in hand, so that memory stays bounded; the first error ends it, and the
+    jobs not yet begun are dropped.
+    """
+    count = worker_count(workers)
+    with ThreadPoolExecutor(count, initializer=single_threaded) as pool:
+        pending: set[Future[T]] = set()
+        try:
+            for job in jobs:
+                pending.add(pool.submit(job))
+                if len(pending) >= 2 * count:
+                    done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                    yield from (future.result() for future in done)
+            while pending:
+                done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in done)
+        finally:
+            for future in pending:
+                future.cancel()
