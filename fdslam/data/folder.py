@@ -1,0 +1,202 @@
+"""A data set as a folder: ``map/`` and ``query/`` images and, where known, the truth about them.
+
+Layout (everything but the two image folders is optional):
+
+- ``annotations.json``  COCO: images (file_name, width, height), annotations (bbox [x, y, w, h] pixels), categories.
+  A query without an annotation shows no change.
+- ``map.csv``           map_file, drive, index along the path; optionally x, y (metres), heading (radians).
+- ``pairs.csv``         query_file, drive, query_index; optionally map_file, x, y, heading.
+- ``labels/NAME.png``   label image of ``query/NAME.*``: 8 bit, indices into ``fdslam.types.LABELS``.
+
+Two images show the same place if their poses are near or, without poses, if they lie at most ``tolerance`` indices
+apart on one drive.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam import config
+from fdslam.data.images import SUFFIXES, image_size
+from fdslam.errors import InputError
+from fdslam.store import sha256_file
+from fdslam.types import Dataset, Frame
+
+DRIVE_GAP = 1_000_000.0  # in Dataset.times: between drives, so that no k-means by time joins two of them
+_SMALLEST_BOX = 1.0  # pixels inside the image
+
+
+def read_folder(root: str | Path, settings: config.Dataset, name: str | None = None) -> Dataset:
+    """Read the data set in folder ``root``; images are measured and hashed, not decoded.
+
+    Raises:
+        InputError: a missing folder, an image that a CSV or the annotations name and that is not there, sizes that
+            disagree, a number that is none, a box outside its image.
+    """
+    base = Path(root).expanduser()
+    if not base.is_dir():
+        raise InputError(f"dataset.root={root}: no such folder; give the folder that holds map/ and query/")
+    map_rows, pair_rows = (
+        _rows(base / "map.csv", ("map_file", "drive", "index")),
+        _rows(base / "pairs.csv", ("query_file", "drive", "query_index")),
+    )
+    maps = [_frame(base, file) for file in _files(base, "map", map_rows, "map_file")]
+    queries = [_frame(base, file) for file in _files(base, "query", pair_rows, "query_file")]
+    poses = _poses(base / "map.csv", map_rows)
+    return Dataset(
+        name=name or base.resolve().name,
+        map=tuple(maps),
+        query=tuple(queries),
+        boxes=_boxes(base / "annotations.json", queries),
+        relevant=_relevant(base, map_rows, pair_rows, settings),
+        labels=_labels(base, queries),
+        poses=poses,
+        times=_times(base / "map.csv", map_rows, len(maps)),
+    )
+
+
+def _rows(path: Path, required: tuple[str, ...]) -> list[dict[str, str]] | None:
+    if not path.is_file():
+        return None
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: not a CSV file in UTF-8 ({error})") from error
+    if not rows:
+        raise InputError(f"{path}: holds no row; remove the file or list the images in it")
+    missing = [column for column in required if column not in rows[0]]
+    if missing:
+        raise InputError(f"{path}: lacks the column {', '.join(missing)}; it has {', '.join(map(str, rows[0]))}")
+    return rows
+
+
+def _number(path: Path, line: int, row: dict[str, str], column: str) -> float:
+    try:
+        value = float(row[column])
+    except (TypeError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{path}, line {line}: {column} is {row[column]!r}, a finite number is needed")
+    return value
+
+
+def _column(path: Path, rows: list[dict[str, str]], column: str) -> NDArray[np.float64]:
+    return np.array([_number(path, line, row, column) for line, row in enumerate(rows, 2)])
+
+
+def _files(base: Path, folder: str, rows: list[dict[str, str]] | None, column: str) -> list[str]:
+    if rows is not None:
+        files = [row[column] or "" for row in rows]
+        twice = [file for file, count in Counter(files).items() if count > 1]
+        if twice:
+            raise InputError(f"{base / folder}.csv or pairs.csv lists {twice[0]} twice; each image is listed once")
+        return files
+    if not (base / folder).is_dir():
+        raise InputError(f"{base / folder}: no such folder; a data set has its images in map/ and query/")
+    found = sorted(p.relative_to(base).as_posix() for p in (base / folder).iterdir() if p.suffix.lower() in SUFFIXES)
+    if not found:
+        raise InputError(f"{base / folder}: holds no image ({', '.join(SUFFIXES)})")
+    return found
+
+
+def _frame(base: Path, file: str) -> Frame:
+    path = base / file
+    if not file or not path.is_file():
+        raise InputError(f"{path}: listed but not there; restore the image or take its line out of the CSV")
+    height, width = image_size(path)
+    return Frame(file, path, sha256_file(path), height, width)
+
+
+def _boxes(path: Path, queries: list[Frame]) -> tuple[NDArray[np.float32], ...] | None:
+    if not path.is_file():
+        return None
+    try:
+        coco = json.loads(path.read_text(encoding="utf-8"))
+        images = {image["id"]: image for image in coco["images"]}
+        annotations = [(a["image_id"], a["bbox"], a.get("id")) for a in coco["annotations"]]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: not COCO annotations with images and annotations ({error!r})") from error
+    by_name = {frame.name: frame for frame in queries}
+    for image in images.values():
+        frame = by_name.get(image.get("file_name", ""))
+        size = (image.get("height"), image.get("width"))
+        if frame and None not in size and size != (frame.height, frame.width):
+            raise InputError(
+                f"{frame.path}: is {frame.width}×{frame.height} pixels, {path.name} says {size[1]}×{size[0]}; "
+                "the boxes would not fit: use the image that was annotated"
+            )
+    found: dict[str, list[list[float]]] = {frame.name: [] for frame in queries}
+    for image_id, bbox, identity in annotations:
+        name = images.get(image_id, {}).get("file_name")
+        if name not in found:
+            raise InputError(f"{path}: annotation {identity} is of image {name or image_id}, which is no query")
+        found[name].append(_box(path, identity, bbox, by_name[name]))
+    return tuple(np.array(found[frame.name], np.float32).reshape(-1, 4) for frame in queries)
+
+
+def _box(path: Path, identity: Any, bbox: Any, frame: Frame) -> list[float]:
+    """COCO [x, y, w, h] to xyxy, clipped to the image."""
+    numbers = isinstance(bbox, list) and len(bbox) == 4 and all(isinstance(v, int | float) for v in bbox)
+    if not numbers or not all(math.isfinite(v) for v in bbox) or bbox[2] <= 0 or bbox[3] <= 0:
+        raise InputError(
+            f"{path}: annotation {identity} has the bbox {bbox}; [x, y, width, height] in pixels is needed"
+        )
+    x, y, w, h = bbox
+    box = [max(x, 0), max(y, 0), min(x + w, frame.width), min(y + h, frame.height)]
+    if box[2] - box[0] < _SMALLEST_BOX or box[3] - box[1] < _SMALLEST_BOX:
+        raise InputError(
+            f"{path}: annotation {identity} with the bbox {bbox} lies outside {frame.name} "
+            f"({frame.width}×{frame.height} pixels); correct or remove it"
+        )
+    return box
+
+
+def _poses(path: Path, rows: list[dict[str, str]] | None) -> NDArray[np.float64] | None:
+    if rows is None or not all(column in rows[0] for column in ("x", "y", "heading")):
+        return None
+    return np.stack([_column(path, rows, column) for column in ("x", "y", "heading")], axis=1)
+
+
+def _times(path: Path, rows: list[dict[str, str]] | None, count: int) -> NDArray[np.float64]:
+    if rows is None:
+        return np.arange(count, dtype=np.float64)
+    drives = {drive: i for i, drive in enumerate(dict.fromkeys(row["drive"] for row in rows))}
+    return _column(path, rows, "index") + DRIVE_GAP * np.array([drives[row["drive"]] for row in rows])
+
+
+def _relevant(
+    base: Path,
+    map_rows: list[dict[str, str]] | None,
+    pair_rows: list[dict[str, str]] | None,
+    settings: config.Dataset,
+) -> tuple[NDArray[np.int64], ...] | None:
+    if map_rows is None or pair_rows is None:
+        return None
+    map_poses, query_poses = _poses(base / "map.csv", map_rows), _poses(base / "pairs.csv", pair_rows)
+    if map_poses is not None and query_poses is not None:
+        distance = np.linalg.norm(query_poses[:, None, :2] - map_poses[None, :, :2], axis=2)
+        turn = np.abs((query_poses[:, None, 2] - map_poses[None, :, 2] + np.pi) % (2 * np.pi) - np.pi)
+        near = (distance <= settings.radius) & (np.degrees(turn) <= settings.angle)
+    else:
+        map_index = _column(base / "map.csv", map_rows, "index")
+        query_index = _column(base / "pairs.csv", pair_rows, "query_index")
+        same = np.array([[m["drive"] == q["drive"] for m in map_rows] for q in pair_rows])
+        distance = np.abs(query_index[:, None] - map_index[None])
+        near = same & (distance <= settings.tolerance)
+    return tuple(
+        np.flatnonzero(n)[np.argsort(d[n], kind="stable")].astype(np.int64) for n, d in zip(near, distance, strict=True)
+    )
+
+
+def _labels(base: Path, queries: list[Frame]) -> tuple[Path | None, ...] | None:
+    paths = [base / "labels" / f"{Path(frame.name).stem}.png" for frame in queries]
+    return tuple(p if p.is_file() else None for p in paths) if any(p.is_file() for p in paths) else None
