@@ -1,0 +1,69 @@
+"""Weak self-localisation by each OBB alone, strong self-localisation by all of them together (§FD)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam.bow.index import InvertedFile, ranks_of
+from fdslam.config import Retrieval
+from fdslam.types import Boxes, Localization
+
+# Fixed-point 1.0 of 1 / rank: sums of reciprocals are integers, so the order of the OBBs cannot change them.
+RECIPROCAL_ONE = 1 << 40
+
+
+def reciprocal(ranks: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return 1 / rank in fixed point (RECIPROCAL_ONE = 1), int64, same shape."""
+    return np.rint(RECIPROCAL_ONE / ranks).astype(np.int64)
+
+
+def keypoints_inside(boxes: NDArray[np.float32], xy: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Tell which keypoint lies in which box.
+
+    Args:
+        boxes: float32 [J, 4] xyxy pixels, half-open.
+        xy: float32 [n, 2] pixels.
+
+    Returns:
+        bool [J, n].
+    """
+    x, y = xy[:, 0], xy[:, 1]
+    x0, y0, x1, y1 = boxes.T[:, :, None]
+    return (x0 <= x) & (x < x1) & (y0 <= y) & (y < y1)
+
+
+def strong_list(ranks: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the map ids by falling relevance Σ_j 1 / r_j(m); ties go to the smaller id.
+
+    Args:
+        ranks: int32 [J, M]; with J = 0 nothing is known and the list is 0 … M-1.
+
+    Returns:
+        int32 [M].
+    """
+    relevance = reciprocal(ranks).sum(axis=0)
+    return np.argsort(-relevance, kind="stable").astype(np.int32)
+
+
+def localize(
+    index: InvertedFile, boxes: Boxes, xy: NDArray[np.float32], words: NDArray[np.int32], config: Retrieval
+) -> Localization:
+    """Localise a query by every OBB (weak) and by all together (strong).
+
+    OBBs that hold fewer than ``config.min_keypoints`` keypoints say nothing and are left out.
+
+    Args:
+        index: the map.
+        boxes: the OBBs of the query.
+        xy: float32 [n, 2] pixels, its keypoints.
+        words: int32 [n], their words.
+        config: score, rank of images not retrieved, least number of keypoints.
+    """
+    inside = keypoints_inside(boxes.xyxy, xy)
+    speaks = inside.sum(axis=1) >= config.min_keypoints
+    ranks = ranks_of(index.scores(words, inside[speaks], config.score), config.unretrieved)
+    source = tuple(name for name, kept in zip(boxes.source, speaks, strict=True) if kept)
+    return Localization(replace(boxes, xyxy=boxes.xyxy[speaks], source=source), ranks, strong_list(ranks))

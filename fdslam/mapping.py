@@ -1,0 +1,131 @@
+"""The bag-of-words map and the localisation of queries in it, as stored stages (offline and online part of §FD)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam.bow.index import InvertedFile
+from fdslam.bow.orb import extract
+from fdslam.bow.vocabulary import Vocabulary, replay
+from fdslam.config import Bow, Orb, Retrieval, part
+from fdslam.config import Vocabulary as VocabularyConfig
+from fdslam.context import ensure, load
+from fdslam.data.images import read_image
+from fdslam.localization import localize
+from fdslam.obb import library_boxes
+from fdslam.progress import progress
+from fdslam.store import Arrays, Key, Stage, Store
+from fdslam.types import Boxes, Features, Frame, Localization
+
+FEATURES = Stage("features", "fdslam.bow.orb", ("opencv-python-headless", "numpy"))
+VOCABULARY = Stage("vocabulary", "fdslam.bow.vocabulary", ("faiss-cpu",))
+WORDS = Stage("words", "fdslam.bow.vocabulary", ("faiss-cpu",))
+LOCALIZATION = Stage("localization", "fdslam.mapping", ("scipy", "numpy"))
+
+
+def _extract(frame: Frame, config: Bow) -> Arrays:
+    features = extract(read_image(frame.path), config)
+    return {"xy": features.xy, "descriptors": features.descriptors}
+
+
+class FeatureStore:
+    """ORB features of frames, extracted when first asked for."""
+
+    def __init__(self, config: Bow, store: Store, workers: int) -> None:
+        self.config, self.store, self.workers = config, store, workers
+
+    def key(self, frame: Frame) -> Key:
+        """Return the address of a frame's features."""
+        return FEATURES.key(part(self.config, Orb), [frame.digest])
+
+    def ensure(self, frames: Sequence[Frame], label: str) -> None:
+        """Extract, in parallel, what is not stored yet."""
+        jobs = {self.key(frame): partial(_extract, frame, self.config) for frame in frames}
+        ensure(self.store, FEATURES, jobs, self.workers, label)
+
+    def load(self, frame: Frame) -> Features:
+        """Return the features of one frame."""
+        return Features(**load(self.store, FEATURES, self.key(frame), partial(_extract, frame, self.config)))
+
+
+class BowMap:
+    """A bag-of-words map that grows image by image: what its first images give is stored and reused by longer maps."""
+
+    def __init__(self, frames: Sequence[Frame], config: Bow, store: Store, workers: int) -> None:
+        self.frames, self.config, self.store, self.workers = tuple(frames), config, store, workers
+        self.features = FeatureStore(config, store, workers)
+        self.keys: list[Key] = []  # of the words of each map image: a chain, as each depends on those before
+        for frame in self.frames:
+            inputs = [*self.keys[-1:], self.features.key(frame)]
+            self.keys.append(VOCABULARY.key(part(config, VocabularyConfig), inputs))
+
+    @cached_property
+    def _learned(self) -> tuple[Vocabulary, InvertedFile]:
+        self.features.ensure(self.frames, "features of the map")
+        stored: list[NDArray[np.int32]] = []
+        for key in self.keys:
+            arrays = self.store.get(VOCABULARY, key)
+            if arrays is None:
+                break
+            stored.append(arrays["words"])
+        vocabulary = Vocabulary(self.config.ratio)
+        descriptors = (self.features.load(frame).descriptors for frame in self.frames[: len(stored)])
+        for _ in replay(vocabulary, zip(descriptors, stored, strict=True)):
+            pass
+        rest = list(zip(self.frames, self.keys, strict=True))[len(stored) :]
+        for frame, key in progress(rest, len(rest), "vocabulary"):
+            words = vocabulary.learn(self.features.load(frame).descriptors)
+            self.store.put(VOCABULARY, key, {"words": words})
+            stored.append(words)
+        return vocabulary, InvertedFile(stored, len(vocabulary))
+
+    def words(self, frame: Frame) -> Arrays:
+        """Match a query's descriptors to words."""
+        return {"words": self._learned[0].match(self.features.load(frame).descriptors)}
+
+    def localize(self, queries: Sequence[Frame], library: str) -> tuple[list[Key], list[Localization]]:
+        """Localise every query by the OBBs of the library.
+
+        Returns:
+            The addresses and the results, in the order of the queries.
+        """
+        settings = {**part(self.config, Retrieval), "library": library}
+        keys = [LOCALIZATION.key(settings, [self.keys[-1], self.features.key(frame)]) for frame in queries]
+        missing = [q for q, key in zip(queries, keys, strict=True) if not self.store.has(LOCALIZATION, key)]
+        if missing:
+            self._localize_missing(missing, dict(zip(queries, keys, strict=True)), library)
+        return keys, [self._load(key, frame, library) for key, frame in zip(keys, queries, strict=True)]
+
+    def _localize_missing(self, missing: list[Frame], keys: dict[Frame, Key], library: str) -> None:
+        assert self._learned  # learned once here, before threads ask for it
+        self.features.ensure(missing, "features of the queries")
+        jobs = {self._words_key(frame): partial(self.words, frame) for frame in missing}
+        ensure(self.store, WORDS, jobs, self.workers, "words of the queries")
+        lists = {keys[frame]: partial(self._localize, frame, library) for frame in missing}
+        ensure(self.store, LOCALIZATION, lists, self.workers, "localisation")
+
+    def _words_key(self, frame: Frame) -> Key:
+        return WORDS.key(part(self.config, VocabularyConfig), [self.keys[-1], self.features.key(frame)])
+
+    def _localize(self, frame: Frame, library: str) -> Arrays:
+        boxes = library_boxes(library, read_image(frame.path))
+        words = load(self.store, WORDS, self._words_key(frame), partial(self.words, frame))["words"]
+        found = localize(self._learned[1], boxes, self.features.load(frame).xy, words, self.config)
+        compact = np.uint16 if len(self.frames) < 1 << 16 else np.int32
+        source = "+".join(found.boxes.source).encode()
+        return {
+            "boxes": found.boxes.xyxy,
+            "source": np.frombuffer(source, np.uint8),
+            "ranks": found.ranks.astype(compact),
+            "strong": found.strong,
+        }
+
+    def _load(self, key: Key, frame: Frame, library: str) -> Localization:
+        arrays = load(self.store, LOCALIZATION, key, partial(self._localize, frame, library))
+        names = arrays["source"].tobytes().decode()
+        boxes = Boxes(arrays["boxes"], tuple(names.split("+")) if names else ())
+        return Localization(boxes, arrays["ranks"].astype(np.int32), arrays["strong"])
