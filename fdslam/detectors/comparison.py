@@ -1,0 +1,132 @@
+"""Pairwise comparison (PC): how far a query's local features are from those of the map images (§PC)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from fdslam.config import Keypoints, Pc, part
+from fdslam.context import Context, load
+from fdslam.data.images import read_image
+from fdslam.harris_laplace import harris_laplace, sift
+from fdslam.store import Arrays, Key, Stage
+from fdslam.types import CELL, Cells, Frame, grid_shape
+
+FEATURES = Stage("pc_features", "fdslam.harris_laplace", ("opencv-python-headless", "numpy"))
+STAGE = Stage("pc", "fdslam.detectors.comparison", ("numpy", "scipy"))
+
+# The distance to a map without features. SIFTs are non-negative with norm 512, each of 128 entries rounded by at most a
+# half: no two are further apart. So a keypoint that nothing could explain is never below one that something could.
+FARTHEST = math.sqrt(2) * (512 + math.sqrt(128) / 2)
+BLOCK = 2048  # descriptors on either side of one matrix product: 16 MB
+
+
+def nearest_distance(query: NDArray[np.float32], maps: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Return the distance of each query descriptor to its nearest one in any of the map images.
+
+    This is the LoC of a keypoint: the L2 distance to its nearest SIFT, minimum over the Y hypotheses. The matrix
+    product only picks the nearest of a block; its distance is then computed from the difference, as |q|² + |m|² - 2 q·m
+    cancels. With whole numbers, which SIFT's are, the product is exact as well and the result depends on no order.
+
+    Args:
+        query: float32 ``[n, 128]``.
+        maps: of each hypothesis, float32 ``[m_i, 128]``; m_i may be 0.
+
+    Returns:
+        float32 ``[n]``, exactly 0 where the query descriptor is in the map; ``FARTHEST`` if all m_i are 0.
+
+    Source: the paper's §PC.
+    """
+    best = np.full(len(query), np.inf, np.float32)
+    for descriptors in maps:
+        for m in _blocks(descriptors):
+            half = np.einsum("ij,ij->i", m, m) / 2
+            for q, nearest in zip(_blocks(query), _blocks(best), strict=True):
+                winner = np.argmin(half - q @ m.T, axis=1)  # |q|² does not move it
+                np.minimum(nearest, np.linalg.norm(q - m[winner], axis=1), out=nearest)
+    return np.where(np.isinf(best), np.float32(FARTHEST), best)
+
+
+def keypoints_to_cells(
+    xy: NDArray[np.float32], value: NDArray[np.float32], height: int, width: int, spread: str, sigma: float
+) -> Cells:
+    """Turn values at keypoints into the LoC of cells: the maximum in a cell, 0 where there is no keypoint.
+
+    Args:
+        xy: float32 ``[n, 2]`` pixels, inside the image.
+        value: float32 ``[n]``, not negative.
+        height: of the image, pixels.
+        width: of the image, pixels.
+        spread: "cell", or "gaussian": that map blurred, cells outside the image counting as 0.
+        sigma: of the blur, cells.
+
+    Returns:
+        float32 cells.
+
+    Raises:
+        ValueError: ``spread`` is neither, a keypoint is outside the image, or a value is negative or not finite.
+
+    Source: the paper's §PC is silent on how keypoints become pixels; the cells are those of its §Performance.
+    """
+    if spread not in ("cell", "gaussian"):
+        raise ValueError(f"spread={spread}: choose cell or gaussian")
+    if not ((xy >= 0) & (xy < (width, height))).all():
+        raise ValueError(f"a keypoint lies outside the image of {width} × {height} pixels")
+    if not ((value >= 0) & (value < np.inf)).all():
+        raise ValueError("a keypoint's value is negative or not finite")
+    cells = np.zeros(grid_shape(height, width), np.float32)
+    column, row = (xy // CELL).astype(int).T
+    np.maximum.at(cells, (row, column), value)
+    return gaussian_filter(cells, sigma, mode="constant") if spread == "gaussian" else cells
+
+
+def _blocks(rows: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    """Return views of at most ``BLOCK`` rows each; none if there is no row."""
+    return [rows[i : i + BLOCK] for i in range(0, len(rows), BLOCK)]
+
+
+def detect(context: Context) -> list[Cells]:
+    """Return the LoC of every query (§PC): the distance of its SIFTs to the nearest of the top-Y map images.
+
+    The map images' descriptors are kept for this: it is the one detector that stores features of the map.
+    """
+    data, config = context.dataset, context.config.pc
+    settings = part(config, Keypoints)
+
+    def key_of(frame: Frame) -> Key:
+        return FEATURES.key(settings, [frame.digest])
+
+    def extract(frame: Frame) -> Arrays:
+        image = read_image(frame.path)
+        keypoints = harris_laplace(image, config)
+        return {"xy": keypoints.xy, "sift": sift(image, keypoints).astype(np.uint8)}  # whole numbers up to 255
+
+    def features(frame: Frame) -> Arrays:
+        return load(context.store, FEATURES, key_of(frame), partial(extract, frame))
+
+    def cells(query: int) -> Arrays:
+        frame = data.query[query]
+        own = features(frame)
+        maps = [features(data.map[m])["sift"].astype(np.float32) for m in context.hypotheses[query]]
+        distance = nearest_distance(own["sift"].astype(np.float32), maps)
+        return {
+            "loc": keypoints_to_cells(
+                own["xy"], distance, frame.height, frame.width, config.spread, config.spread_sigma
+            )
+        }
+
+    keys = [
+        STAGE.key(part(config, Pc), [key_of(frame), *(key_of(data.map[m]) for m in hypotheses)])
+        for frame, hypotheses in zip(data.query, context.hypotheses, strict=True)
+    ]
+    jobs = {key: partial(cells, query) for query, key in enumerate(keys)}
+    missing = [query for query, key in enumerate(keys) if not context.store.has(STAGE, key)]
+    frames = {frame: None for q in missing for frame in (data.query[q], *(data.map[m] for m in context.hypotheses[q]))}
+    context.ensure(FEATURES, {key_of(frame): partial(extract, frame) for frame in frames}, "PC features")
+    context.ensure(STAGE, jobs, "PC")
+    return [load(context.store, STAGE, key, jobs[key])["loc"] for key in keys]

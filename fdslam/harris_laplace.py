@@ -1,0 +1,225 @@
+"""Harris-Laplace keypoints and the SIFT descriptors at them (§PC)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam.config import Keypoints
+from fdslam.types import Image
+
+Plane = NDArray[np.float32]  # [h, w] of one pyramid level
+
+DERIVATION = 0.7  # σ_D / σ_I
+# Grey levels⁴. A right-angled corner of c grey levels reaches c⁴ / 1100: below one grey level there is only rounding.
+FLOOR = 1e-3
+# A scale is computed on the image halved until σ_D would span under LEVEL_SIGMA pixels; a halved image is blurred to
+# LEVEL_BLUR of its own pixels first, against aliasing. With LEVEL_SIGMA 2 the few differences from full resolution (one
+# keypoint in thirty, mostly at the finest scale of a level) shrink to one in a hundred, for a third more time.
+LEVEL_SIGMA = 1.4
+LEVEL_BLUR = 1.0
+REACH = 4.0  # of a kernel, in σ; at 3 one keypoint in twenty differs
+
+# Sixth order, like the interpolation: a lower one damps a level's finest scale, which then loses to its neighbours.
+SECOND = np.array([2, -27, 270, -490, 270, -27, 2], np.float32) / 180
+LAPLACE = np.zeros((7, 7), np.float32)
+LAPLACE[3, :] += SECOND
+LAPLACE[:, 3] += SECOND
+BEFORE = ((-1, -1), (-1, 0), (-1, 1), (0, -1))  # (row, column) steps to the neighbours earlier in reading order
+KNOTS = np.arange(-2, 4)  # of the interpolation: pixels from the one at the upper left
+
+SIFT_SIGMA, SIFT_LAYERS = 1.6, 3  # Lowe's values
+
+
+@dataclass(frozen=True)
+class HarrisLaplace:
+    """Keypoints of one image, strongest first."""
+
+    xy: NDArray[np.float32]  # [n, 2] pixels: whole numbers, the pixel's column and row
+    scale: NDArray[np.float32]  # [n] σ_I, pixels
+    response: NDArray[np.float32]  # [n] scale-normalised det - k tr², grey levels⁴
+
+
+def harris_laplace(image: Image, config: Keypoints) -> HarrisLaplace:
+    """Find the corners of an image that have a scale of their own.
+
+    A pixel is a keypoint at scale σ_I if (a) the scale-normalised Harris response det M - k tr² M with
+    M = σ_D² G(σ_I) * ∇L(σ_D) ∇L(σ_D)ᵀ, σ_D = 0.7 σ_I, is above ``FLOOR`` and the largest among its 8 neighbours and
+    (b) σ_I² |LoG| is larger there than at the next finer and the next coarser scale. Scales are sigma · scale_stepⁿ,
+    the two outermost only compared with. Coarse scales are computed on a pyramid; a maximum there is placed by a
+    quadric and rounded to a pixel. Corners within σ_I of the border are left out: the mirrored border makes its own.
+
+    Args:
+        image: uint8 RGB ``[H, W, 3]``; any size, too small ones have no keypoint.
+        config: scales, k, and how many keypoints to keep.
+
+    Returns:
+        At most ``config.keypoints`` keypoints by falling response; ties by row, column, scale.
+
+    Source: Mikolajczyk & Schmid, "Indexing based on scale invariant interest points" (2001) and "Scale & affine
+    invariant interest point detectors" (2004); the paper's §PC.
+    """
+    height, width = image.shape[:2]
+    sigmas = [config.sigma * config.scale_step**n for n in range(config.scales)]
+    levels = [max(math.floor(math.log2(DERIVATION * s / LEVEL_SIGMA)), 0) for s in sigmas]
+    last = sum(2 * s < min(height, width) for s in sigmas)  # from here on no pixel is σ_I off the border
+    pyramid = _pyramid(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32), max(levels[: last + 1], default=0))
+    log: dict[int, Plane] = {}
+    found = []
+    for n in range(1, min(config.scales - 1, last)):
+        level, sigma = levels[n], sigmas[n]
+        response = _harris(pyramid[level], sigma / 2**level, _blur(level), config.harris_k)
+        x, y, value = _maxima(response, level)
+        keep = (np.minimum(x, y) >= sigma) & (x <= width - 1 - sigma) & (y <= height - 1 - sigma)
+        x, y, value = x[keep], y[keep], value[keep]
+        for i in {n - 1, n, n + 1} - log.keys():
+            log[i] = _log(pyramid[levels[i]], sigmas[i] / 2 ** levels[i], _blur(levels[i]))
+        here = _sample(log[n], x, y, level)
+        for i in (n - 1, n + 1):
+            keep = np.abs(here) > np.abs(_sample(log[i], x, y, levels[i]))
+            x, y, value, here = x[keep], y[keep], value[keep], here[keep]
+        found.append(np.stack([x, y, np.full_like(x, sigma), value], axis=1))
+        del log[n - 1]
+    x, y, scale, value = np.concatenate([np.empty((0, 4), np.float32), *found]).T
+    order = np.lexsort((scale, x, y, -value))[: config.keypoints]
+    return HarrisLaplace(np.stack([x, y], axis=1)[order], scale[order], value[order])
+
+
+def sift(image: Image, keypoints: HarrisLaplace) -> NDArray[np.float32]:
+    """Describe keypoints by upright SIFT: a robot's camera does not roll, and a free angle only adds ways to match.
+
+    Args:
+        image: uint8 RGB ``[H, W, 3]``, the one the keypoints are of.
+        keypoints: n of them.
+
+    Returns:
+        float32 ``[n, 128]`` in the keypoints' order; whole numbers 0 to 255, norm about 512; not RootSIFT.
+
+    Raises:
+        RuntimeError: OpenCV did not describe every keypoint.
+
+    Source: Lowe, "Distinctive image features from scale-invariant keypoints" (2004), §6; OpenCV's implementation.
+    """
+    count = len(keypoints.scale)
+    if count == 0:
+        return np.empty((0, 128), np.float32)
+    given = [
+        cv2.KeyPoint(float(x), float(y), 2 * float(s), 0.0, 0.0, _octave(float(s)), i)
+        for i, ((x, y), s) in enumerate(zip(keypoints.xy, keypoints.scale, strict=True))
+    ]
+    extractor = cv2.SIFT.create(nOctaveLayers=SIFT_LAYERS, sigma=SIFT_SIGMA)
+    kept, descriptors = extractor.compute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), given)
+    # OpenCV promises neither the order nor the number of what comes back.
+    ids = [k.class_id for k in kept]
+    if sorted(ids) != list(range(count)):
+        raise RuntimeError(f"OpenCV described {len(ids)} of {count} keypoints")
+    out = np.empty((count, 128), np.float32)
+    out[ids] = descriptors
+    return out
+
+
+def _octave(sigma: float) -> int:
+    """Return OpenCV's packed octave and layer of the SIFT pyramid's image whose blur is nearest to ``sigma`` pixels."""
+    step = round(SIFT_LAYERS * math.log2(sigma / SIFT_SIGMA))
+    octave = max((step - 1) // SIFT_LAYERS, -1)  # layers 1 to 3, as the detector numbers them; -1: the doubled image
+    return (octave & 255) | max(step - SIFT_LAYERS * octave, 0) << 8
+
+
+def _blur(level: int) -> float:
+    """Return the σ that a pyramid level already has, in its own pixels."""
+    return LEVEL_BLUR if level else 0.0
+
+
+def _pyramid(grey: Plane, top: int) -> list[Plane]:
+    """Return the image and its halvings up to level ``top``; pixel i of a level is pixel 2i of the finer one."""
+    planes = [grey]
+    for level in range(1, top + 1):
+        planes.append(np.ascontiguousarray(_gaussian(planes[-1], 2 * LEVEL_BLUR, _blur(level - 1))[::2, ::2]))
+    return planes
+
+
+def _kernels(sigma: float) -> tuple[Plane, Plane]:
+    """Return a Gaussian kernel and its derivative; cut and sampled as it is, the first's deviation is ``sigma``."""
+    reach = max(math.ceil(REACH * sigma), 1)
+    x = np.arange(-reach, reach + 1)
+    wide = sigma
+    for _ in range(4):
+        weight = np.exp(-0.5 * (x / wide) ** 2)
+        variance = (x**2 * weight).sum() / weight.sum()
+        wide *= sigma / math.sqrt(variance)
+    weight /= weight.sum()
+    return weight.astype(np.float32), (x * weight / variance).astype(np.float32)  # the latter exact on a ramp
+
+
+def _gaussian(plane: Plane, sigma: float, already: float = 0.0) -> Plane:
+    """Return a plane of blur ``already`` at the blur ``sigma`` (both in its pixels)."""
+    smooth, _ = _kernels(math.sqrt(sigma**2 - already**2))
+    return cv2.sepFilter2D(plane, cv2.CV_32F, smooth, smooth)  # type: ignore[return-value]
+
+
+def _log(plane: Plane, sigma: float, already: float) -> Plane:
+    """Return σ² (Lxx + Lyy) at blur ``sigma``."""
+    return cv2.filter2D(_gaussian(plane, sigma, already), cv2.CV_32F, sigma**2 * LAPLACE)  # type: ignore[return-value]
+
+
+def _harris(plane: Plane, sigma: float, already: float, k: float) -> Plane:
+    """Return det M - k tr² M of the scale-normalised second-moment matrix at integration scale ``sigma``."""
+    smooth, slope = _kernels(math.sqrt((DERIVATION * sigma) ** 2 - already**2))
+    slope *= DERIVATION * sigma
+    dx = cv2.sepFilter2D(plane, cv2.CV_32F, slope, smooth)
+    dy = cv2.sepFilter2D(plane, cv2.CV_32F, smooth, slope)
+    xx, xy, yy = (_gaussian(product, sigma) for product in (dx * dx, dx * dy, dy * dy))
+    response = xx * yy
+    response -= np.square(xy, out=xy)
+    xx += yy
+    response -= np.multiply(np.square(xx, out=xx), np.float32(k), out=xx)
+    return response
+
+
+def _maxima(response: Plane, level: int) -> tuple[Plane, Plane, Plane]:
+    """Return x, y (whole pixels of the image) and value of the inner 8-neighbour maxima above ``FLOOR``.
+
+    A coarse level's are placed between its pixels by the quadric through their 3 × 3 neighbourhood.
+    """
+    peak = response >= cv2.dilate(response, np.ones((3, 3), np.uint8))
+    peak[[0, -1]] = False
+    peak[:, [0, -1]] = False
+    index = np.flatnonzero(peak)
+    row, column = np.divmod(index[response.ravel()[index] > FLOOR], response.shape[1])
+    # A corner half-way between pixels has equal ones: the first in reading order stands for them.
+    first = response[row, column] > np.max([response[row + i, column + j] for i, j in BEFORE], axis=0)
+    row, column = row[first], column[first]
+    value = response[row, column]
+    if level == 0:
+        return column.astype(np.float32), row.astype(np.float32), value
+    at = {(i, j): response[row + i, column + j] for i in (-1, 0, 1) for j in (-1, 0, 1)}
+    dx, dy = (at[0, 1] - at[0, -1]) / 2, (at[1, 0] - at[-1, 0]) / 2
+    xx, yy = at[0, 1] + at[0, -1] - 2 * value, at[1, 0] + at[-1, 0] - 2 * value
+    xy = (at[1, 1] + at[-1, -1] - at[1, -1] - at[-1, 1]) / 4
+    det = xx * yy - xy**2
+    det[det <= 0] = np.inf  # a ridge: stay on the pixel
+    right, down = np.clip((xy * dy - yy * dx) / det, -0.5, 0.5), np.clip((xy * dx - xx * dy) / det, -0.5, 0.5)
+    x, y = np.round((column + right) * 2**level), np.round((row + down) * 2**level)
+    return x.astype(np.float32), y.astype(np.float32), value + (dx * right + dy * down) / 2
+
+
+def _sample(plane: Plane, x: Plane, y: Plane, level: int) -> Plane:
+    """Return a level's values at pixels of the image by Lagrange's polynomial through 6 × 6 of its own."""
+    if level == 0:
+        return plane[y.astype(int), x.astype(int)]
+    x, y = x / 2**level, y / 2**level
+    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+    height, width = plane.shape
+    across, down = _lagrange(x - left), _lagrange(y - top)
+    columns = np.clip(left + KNOTS[:, None], 0, width - 1)
+    rows = np.clip(top + KNOTS[:, None], 0, height - 1)
+    return sum((v * (across * plane[row, columns]).sum(axis=0) for v, row in zip(down, rows, strict=True)), 0 * x)
+
+
+def _lagrange(t: Plane) -> Plane:
+    """Return the weights ``[6, n]`` of ``KNOTS`` at ``0 <= t < 1``."""
+    return np.stack([np.prod([(t - j) / (i - j) for j in KNOTS if j != i], axis=0) for i in KNOTS]).astype(np.float32)

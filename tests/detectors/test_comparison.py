@@ -1,0 +1,119 @@
+"""Oracle: reference_pc (every pair of descriptors; every cell and keypoint; every pair of cells)."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fdslam.detectors import comparison
+from fdslam.detectors.comparison import FARTHEST, keypoints_to_cells, nearest_distance
+from tests import reference_pc
+
+
+def descriptors(rng, n):
+    """Like SIFT's: whole numbers, few of them large, norm about 512."""
+    d = rng.exponential(size=(n, 128)) ** 1.5
+    return np.round(512 * d / np.linalg.norm(d, axis=1, keepdims=True)).clip(0, 255).astype(np.float32)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 2**32 - 1), st.integers(0, 12), st.lists(st.integers(0, 12), max_size=4), st.integers(1, 9))
+def test_nearest_against_all_pairs(seed, n, sizes, block):
+    rng = np.random.default_rng(seed)
+    query, maps = descriptors(rng, n), [descriptors(rng, m) for m in sizes]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "BLOCK", block)
+        ours = nearest_distance(query, maps)
+    assert ours.dtype == np.float32
+    assert ours.shape == (n,)
+    oracle = np.array(reference_pc.nearest_distance(query, maps))
+    np.testing.assert_allclose(ours, np.where(np.isinf(oracle), FARTHEST, oracle), rtol=1e-6)
+
+
+def test_fractions_too():
+    rng = np.random.default_rng(0)
+    query, maps = rng.random((40, 128), np.float32), [rng.random((m, 128), np.float32) for m in (30, 1, 0, 60)]
+    np.testing.assert_allclose(
+        nearest_distance(query, maps), reference_pc.nearest_distance(query, maps), rtol=1e-5
+    )
+
+
+def test_the_same_descriptor_is_at_exactly_0():
+    rng = np.random.default_rng(1)
+    query = descriptors(rng, 60)
+    neighbour = query.copy()
+    neighbour[:, 0] += 1  # a distance of 1 beside norms of 512: lost where squares cancel
+    assert (nearest_distance(query, [neighbour]) == 1).all()
+    assert (nearest_distance(query, [neighbour, query[::-1]]) == 0).all()
+    fractions = query / np.float32(3)
+    assert (nearest_distance(fractions, [fractions]) == 0).all()
+
+
+def test_order_never_matters():
+    rng = np.random.default_rng(2)
+    query, maps = descriptors(rng, 300), [descriptors(rng, m) for m in (200, 0, 400, 7)]
+    expected = nearest_distance(query, maps)
+    np.testing.assert_array_equal(nearest_distance(query, maps[::-1]), expected)
+    np.testing.assert_array_equal(nearest_distance(query, [rng.permutation(np.concatenate(maps))]), expected)
+    order = rng.permutation(len(query))
+    np.testing.assert_array_equal(nearest_distance(query[order], maps), expected[order])
+
+
+@pytest.mark.parametrize("maps", [[], [np.empty((0, 128), np.float32)], [np.empty((0, 128), np.float32)] * 3])
+def test_no_map_features(maps):
+    rng = np.random.default_rng(3)
+    query = descriptors(rng, 5)
+    np.testing.assert_array_equal(nearest_distance(query, maps), np.full(5, np.float32(FARTHEST)))
+    assert nearest_distance(query[:0], maps).shape == (0,)
+
+
+def test_nothing_is_farther_than_farthest():
+    a, b = np.zeros((2, 1, 128), np.float32)
+    a[0, :64], b[0, 64:] = 64.5, 64.5  # norm 516, nothing in common: rounded up everywhere
+    assert 724 < nearest_distance(a, [b])[0] <= FARTHEST < 735
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 63), st.integers(1, 63), st.integers(0, 30), st.booleans())
+def test_cells_against_loops(seed, height, width, n, whole):
+    rng = np.random.default_rng(seed)
+    xy = (rng.random((n, 2)) * (width, height)).astype(np.float32)
+    xy = np.floor(xy) if whole else np.minimum(xy, np.nextafter(np.array([width, height], np.float32), np.float32(0)))
+    value = (500 * rng.random(n)).astype(np.float32)
+    oracle = reference_pc.cells_maximum(xy, value, height, width)
+    cells = keypoints_to_cells(xy, value, height, width, "cell", 1.5)
+    assert cells.dtype == np.float32
+    np.testing.assert_array_equal(cells, oracle)
+    order = rng.permutation(n)
+    for sigma in (0.4, 1.5):
+        smooth = keypoints_to_cells(xy, value, height, width, "gaussian", sigma)
+        assert smooth.dtype == np.float32
+        np.testing.assert_allclose(smooth, reference_pc.blurred(oracle, sigma), rtol=1e-5, atol=1e-4)
+        np.testing.assert_array_equal(
+            keypoints_to_cells(xy[order], value[order], height, width, "gaussian", sigma), smooth
+        )
+
+
+def test_cells_by_hand():
+    xy = np.array([[0, 0], [9, 9], [10, 9], [24, 12], [24, 12]], np.float32)
+    cells = keypoints_to_cells(xy, np.array([1, 3, 2, 7, 5], np.float32), 13, 25, "cell", 1.5)
+    np.testing.assert_array_equal(cells, [[3, 2, 0], [0, 0, 7]])
+    empty = keypoints_to_cells(np.empty((0, 2), np.float32), np.empty(0, np.float32), 13, 25, "gaussian", 1.5)
+    np.testing.assert_array_equal(empty, np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("xy", [(25, 0), (0, 13), (-1, 0), (0, -0.5), (np.nan, 0)])
+def test_keypoint_outside(xy):
+    with pytest.raises(ValueError, match="outside the image of 25 × 13"):
+        keypoints_to_cells(np.array([xy], np.float32), np.ones(1, np.float32), 13, 25, "cell", 1.5)
+
+
+@pytest.mark.parametrize("value", [-1, np.nan, np.inf])
+def test_bad_value(value):
+    with pytest.raises(ValueError, match="negative or not finite"):
+        keypoints_to_cells(np.zeros((1, 2), np.float32), np.array([value], np.float32), 13, 25, "cell", 1.5)
+
+
+def test_unknown_spread():
+    with pytest.raises(ValueError, match="choose cell or gaussian"):
+        keypoints_to_cells(np.zeros((1, 2), np.float32), np.ones(1, np.float32), 13, 25, "box", 1.5)
