@@ -140,7 +140,7 @@ class Keypoints(Checked):
 
     keypoints: int = option(1500, "the strongest keypoints kept per image", low=1, high=100_000)
     harris_k: float = option(0.04, "k of det - k tr²", low=0, high=0.25)
-    sigma: float = option(1.5, "the finest integration scale σ_I, pixels", low=0.5, high=16)
+    sigma: float = option(1.5, "the finest integration scale σ_I, pixels", low=1, high=16)
     scale_step: float = option(1.4, "ratio of neighbouring scales", low=1.05, high=2)
     scales: int = option(8, "number of scales, the two outermost only compared with", low=3, high=32)
 
@@ -172,9 +172,9 @@ class Autoencoder(Checked):
     )
     channels: int = option(16, "channels of the first block, doubled by each of the four", low=1, high=256)
     latent: int = option(128, "size of the code", low=1, high=4096)
-    epochs: int = option(120, "most epochs", low=1, high=100_000)
-    patience: int = option(15, "epochs without a better held-out loss before stopping", low=1, high=100_000)
-    batch: int = option(16, "images per step", low=1, high=4096)
+    epochs: int = option(60, "most epochs", low=1, high=100_000)
+    patience: int = option(12, "epochs without a better held-out loss before stopping", low=1, high=100_000)
+    batch: int = option(8, "images per step", low=1, high=4096)
     learning_rate: float = option(2e-3, "of Adam", low=1e-8, high=1)
     folds: int = option(
         3, "cross-fitting folds inside a place: they give μ, σ and the number of epochs", low=2, high=100
