@@ -135,11 +135,14 @@ def _boxes(path: Path, queries: list[Frame]) -> tuple[NDArray[np.float32], ...] 
                 "the boxes would not fit: use the image that was annotated"
             )
     found: dict[str, list[list[float]]] = {frame.name: [] for frame in queries}
+    if images and not any(image.get("file_name") in found for image in images.values()):
+        raise InputError(f"{path}: names none of the queries, such as {queries[0].name}; is it of another data set?")
     for image_id, bbox, identity in annotations:
-        name = images.get(image_id, {}).get("file_name")
-        if name not in found:
-            raise InputError(f"{path}: annotation {identity} is of image {name or image_id}, which is no query")
-        found[name].append(_box(path, identity, bbox, by_name[name]))
+        if image_id not in images:
+            raise InputError(f"{path}: annotation {identity} is of image {image_id}, which is not among its images")
+        name = images[image_id].get("file_name")
+        if name in found:  # pairs.csv may choose some of the annotated queries
+            found[name].append(_box(path, identity, bbox, by_name[name]))
     return tuple(np.array(found[frame.name], np.float32).reshape(-1, 4) for frame in queries)
 
 

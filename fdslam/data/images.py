@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image as Pillow
 from PIL import ImageOps, UnidentifiedImageError
 
@@ -17,13 +21,22 @@ MIN_SIDE = 16  # pixels: below this no keypoint, no cell grid means anything
 _EXIF_ORIENTATION, _EXIF_TRANSPOSED = 0x0112, (5, 6, 7, 8)
 
 
-def _open(path: Path) -> Pillow.Image:
+# What Pillow raises on torn and foreign files, beyond its own errors, which are OSErrors.
+_DECODING = (OSError, SyntaxError, ValueError, EOFError, struct.error, Pillow.DecompressionBombError)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Pillow.Image]:
+    """Open an image; whatever goes wrong while it is open is one line that names the file."""
     try:
-        return Pillow.open(path)
+        with Pillow.open(path) as image:
+            yield image
     except FileNotFoundError:
         raise InputError(f"{path}: no such image; check the folder or the file that lists it") from None
-    except (UnidentifiedImageError, OSError, Pillow.DecompressionBombError, SyntaxError, ValueError) as error:
-        raise InputError(f"{path}: not a readable image ({error}); replace or remove the file") from error
+    except UnidentifiedImageError as error:
+        raise InputError(f"{path}: not an image; replace or remove the file") from error
+    except _DECODING as error:
+        raise InputError(f"{path}: damaged image ({error}); copy it again from its source") from error
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -32,17 +45,18 @@ def image_size(path: Path) -> tuple[int, int]:
     Raises:
         InputError: not an image, under 16 pixels on a side, or above 64 million pixels.
     """
-    with _open(path) as image:
-        width, height = image.size
-        if width * height > MAX_PIXELS:
-            raise InputError(
-                f"{path}: {width}×{height} pixels is above the limit of {MAX_PIXELS:,}; scale it down first"
-            )
-        if min(width, height) < MIN_SIDE:
-            raise InputError(f"{path}: {width}×{height} pixels is too small, at least {MIN_SIDE} on a side are needed")
-        if image.getexif().get(_EXIF_ORIENTATION) in _EXIF_TRANSPOSED:
-            width, height = height, width
-        return height, width
+    with _opened(path) as image:
+        return _bounded(path, image)
+
+
+def _bounded(path: Path, image: Pillow.Image) -> tuple[int, int]:
+    width, height = image.size
+    if width * height > MAX_PIXELS:
+        raise InputError(f"{path}: {width}×{height} pixels is above the limit of {MAX_PIXELS:,}; scale it down first")
+    if min(width, height) < MIN_SIDE:
+        raise InputError(f"{path}: {width}×{height} pixels is too small, at least {MIN_SIDE} on a side are needed")
+    turned = image.getexif().get(_EXIF_ORIENTATION) in _EXIF_TRANSPOSED
+    return (width, height) if turned else (height, width)
 
 
 def read_image(path: Path) -> Image:
@@ -51,30 +65,23 @@ def read_image(path: Path) -> Image:
     Raises:
         InputError: as ``image_size``; also a truncated file or more than 8 bit a channel.
     """
-    image_size(path)
-    with _open(path) as image:
+    with _opened(path) as image:
+        _bounded(path, image)
         if image.mode.startswith(("I", "F")):
             raise InputError(f"{path}: more than 8 bit a channel (mode {image.mode}); convert it to 8 bit first")
-        try:
-            upright = ImageOps.exif_transpose(image)
-            return np.array((upright if upright is not None else image).convert("RGB"))
-        except (OSError, SyntaxError, ValueError) as error:
-            raise InputError(f"{path}: damaged image ({error}); copy it again from its source") from error
+        return np.array(ImageOps.exif_transpose(image).convert("RGB"))
 
 
-def read_labels(path: Path, height: int, width: int) -> np.ndarray:
+def read_labels(path: Path, height: int, width: int) -> NDArray[np.uint8]:
     """Return a label image as uint8 [height, width].
 
     Raises:
         InputError: unreadable, not one 8-bit channel, or of another size than its image.
     """
-    size = image_size(path)
-    if size != (height, width):
-        raise InputError(f"{path}: labels are {size[1]}×{size[0]} but the image is {width}×{height} pixels")
-    with _open(path) as image:
+    with _opened(path) as image:
+        size = _bounded(path, image)
+        if size != (height, width):
+            raise InputError(f"{path}: labels are {size[1]}×{size[0]} but the image is {width}×{height} pixels")
         if image.mode not in ("L", "P"):
             raise InputError(f"{path}: a label image has one 8-bit channel, this one has mode {image.mode}")
-        try:
-            return np.array(image)
-        except (OSError, SyntaxError, ValueError) as error:
-            raise InputError(f"{path}: damaged label image ({error}); copy it again from its source") from error
+        return np.array(image)

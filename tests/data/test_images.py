@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+from PIL import Image
+
+from fdslam.data import images
+from fdslam.data.images import image_size, read_image, read_labels
+from fdslam.errors import InputError
+
+
+def picture(height=40, width=60):
+    return np.random.default_rng(0).integers(0, 256, (height, width, 3), dtype=np.uint8)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    def save(name, array=None, mode=None, **options):
+        image = Image.fromarray(picture() if array is None else array)
+        path = tmp_path / name
+        (image.convert(mode) if mode else image).save(path, **options)
+        return path
+
+    return save
+
+
+def test_lossless_images_come_back_as_they_are(saved):
+    for name in ("a.png", "a.bmp", "a.tiff"):
+        path = saved(name)
+        assert image_size(path) == (40, 60)
+        assert np.array_equal(read_image(path), picture())
+
+
+@pytest.mark.parametrize("mode", ["L", "P", "RGBA", "1", "CMYK"])
+def test_other_modes_become_rgb(saved, mode):
+    image = read_image(saved("a.tiff", mode=mode))
+    assert image.shape == (40, 60, 3)
+    assert image.dtype == np.uint8
+
+
+def test_exif_rotation_is_applied_to_size_and_pixels(saved):
+    exif = Image.Exif()
+    exif[0x0112] = 6  # turn 90° clockwise to see it upright
+    path = saved("a.png", exif=exif)
+    assert image_size(path) == (60, 40)
+    assert np.array_equal(read_image(path), np.rot90(picture(), -1))
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "tiff"])
+def test_a_truncated_image_is_refused_by_name(saved, suffix):
+    path = saved(f"a.{suffix}")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(InputError, match=rf"a\.{suffix}"):
+        read_image(path)
+
+
+def test_what_is_no_image_is_refused_by_name(tmp_path):
+    path = tmp_path / "text.png"
+    path.write_text("not an image")
+    with pytest.raises(InputError, match=r"text\.png"):
+        read_image(path)
+    with pytest.raises(InputError, match=r"gone\.png: no such image"):
+        read_image(tmp_path / "gone.png")
+
+
+def test_size_limits_hold_before_decoding(saved, monkeypatch):
+    with pytest.raises(InputError, match="too small"):
+        read_image(saved("tiny.png", picture(8, 60)))
+    path = saved("big.png")
+    monkeypatch.setattr(images, "MAX_PIXELS", 1000)
+    with pytest.raises(InputError, match="above the limit"):
+        read_image(path)
+
+
+def test_sixteen_bit_is_refused_and_not_clipped(saved):
+    path = saved("deep.png", (picture()[..., 0].astype(np.uint16) * 200))
+    with pytest.raises(InputError, match="more than 8 bit"):
+        read_image(path)
+
+
+def test_labels_must_fit(saved):
+    labels = picture()[..., 0] % 5
+    path = saved("labels.png", labels)
+    assert np.array_equal(read_labels(path, 40, 60), labels)
+    with pytest.raises(InputError, match="60×40 but the image is 61×40"):
+        read_labels(path, 40, 61)
+    with pytest.raises(InputError, match="one 8-bit channel"):
+        read_labels(saved("colour.png"), 40, 60)
