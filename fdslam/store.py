@@ -111,7 +111,7 @@ class Stage:
 def _checksum(arrays: Arrays) -> str:
     total = hashlib.sha256()
     for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
+        array = np.asarray(arrays[name], order="C")
         total.update(f"{name}|{array.dtype.str}|{array.shape}|".encode())
         total.update(array.tobytes())
     return total.hexdigest()
@@ -150,5 +150,5 @@ class Store:
 
     def put(self, stage: Stage, key: Key, arrays: Arrays) -> None:
         """Store the arrays under the key; raises InputError if the disk refuses."""
-        arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+        arrays = {name: np.asarray(array, order="C") for name, array in arrays.items()}
         write_atomically(self.path(stage, key), save(arrays, metadata={"sha256": _checksum(arrays)}))
