@@ -6,6 +6,13 @@ import math
 from fractions import Fraction
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.ndimage import gaussian_filter
+from sklearn.metrics import average_precision_score, precision_recall_curve, roc_auc_score
+
+from fdslam.config import Keypoints
+from fdslam.types import CELL, Image
 
 # --- bag of words -----------------------------------------------------------------------------------------------------
 
@@ -116,3 +123,294 @@ def cell_maximum(pixels, cell):
                 for x in range(c * cell, min((c + 1) * cell, width))
             )
     return result
+
+
+# --- pairwise comparison ----------------------------------------------------------------------------------------------
+
+
+def harris_laplace(image: Image, config: Keypoints, floor: float) -> list[tuple[int, int, float, float]]:
+    """Return every (x, y, σ_I, response) of Mikolajczyk & Schmid's definition, strongest first.
+
+    Gaussian derivatives are analytic kernels, every scale is at full resolution, every pixel is visited.
+    """
+    grey = image.astype(np.float64) @ (0.299, 0.587, 0.114)
+    grey = np.floor(grey + 0.5)
+    height, width = grey.shape
+    sigmas = [config.sigma * config.scale_step**n for n in range(config.scales)]
+
+    def derivative(sigma: float, order: tuple[int, int]) -> NDArray[np.float64]:
+        return gaussian_filter(grey, sigma, order=order, mode="mirror", truncate=6)
+
+    log = [s**2 * np.abs(derivative(s, (0, 2)) + derivative(s, (2, 0))) for s in sigmas]
+    found = []
+    for n in range(1, config.scales - 1):
+        sigma, sigma_d = sigmas[n], 0.7 * sigmas[n]
+        dx, dy = derivative(sigma_d, (0, 1)), derivative(sigma_d, (1, 0))
+        m = {
+            name: sigma_d**2 * gaussian_filter(product, sigma, mode="mirror", truncate=6)
+            for name, product in (("xx", dx * dx), ("xy", dx * dy), ("yy", dy * dy))
+        }
+        response = m["xx"] * m["yy"] - m["xy"] ** 2 - config.harris_k * (m["xx"] + m["yy"]) ** 2
+        for y in range(1, height - 1):
+            for x in range(1, width - 1):
+                if min(x, y, width - 1 - x, height - 1 - y) < sigma or response[y, x] <= floor:
+                    continue
+                patch = response[y - 1 : y + 2, x - 1 : x + 2].ravel()
+                if patch[4] < patch.max() or patch[4] == patch[:4].max():  # of equals the first in reading order
+                    continue
+                if log[n][y, x] > log[n - 1][y, x] and log[n][y, x] > log[n + 1][y, x]:
+                    found.append((x, y, sigma, float(response[y, x])))
+    return sorted(found, key=lambda f: -f[3])[: config.keypoints]
+
+
+def nearest_distance(query: NDArray[np.float32], maps: list[NDArray[np.float32]]) -> list[float]:
+    """Return for every query descriptor the smallest of all its distances; infinity where there is none."""
+    return [
+        min((float(np.sqrt(np.sum((q.astype(np.float64) - d) ** 2))) for m in maps for d in m), default=np.inf)
+        for q in query
+    ]
+
+
+def cells_maximum(xy: NDArray[np.float32], value: NDArray[np.float32], height: int, width: int) -> NDArray[np.float64]:
+    """Return the largest value among the keypoints whose pixel lies in each cell, found by walking over the pixels."""
+    rows = len(range(0, height, CELL))
+    columns = len(range(0, width, CELL))
+    cells = np.zeros((rows, columns))
+    for (x, y), v in zip(xy.tolist(), value.tolist(), strict=True):
+        for row in range(rows):
+            for column in range(columns):
+                inside = CELL * row <= y < CELL * (row + 1) and CELL * column <= x < CELL * (column + 1)
+                if inside and v > cells[row, column]:
+                    cells[row, column] = v
+    return cells
+
+
+def blurred(cells: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    """Return the Gaussian-weighted sum of all cells at every cell; outside the image is 0.
+
+    The weights are those of a kernel that is cut at 4 σ and sums to 1 over its whole support.
+    """
+    reach = int(4 * sigma + 0.5)
+    weight = {d: np.exp(-0.5 * (d / sigma) ** 2) for d in range(-reach, reach + 1)}
+    total = sum(weight.values())
+    out = np.zeros_like(cells)
+    for r in range(cells.shape[0]):
+        for c in range(cells.shape[1]):
+            for i in range(cells.shape[0]):
+                for j in range(cells.shape[1]):
+                    if abs(r - i) <= reach and abs(c - j) <= reach:
+                        out[r, c] += weight[r - i] * weight[c - j] / total**2 * cells[i, j]
+    return out
+
+
+# --- anomaly detection ------------------------------------------------------------------------------------------------
+
+
+def bilinear(image, height, width):
+    """Resize by pixel centres with the border repeated, one output pixel after the other."""
+    h, w = image.shape
+    out = np.empty((height, width))
+    for y in range(height):
+        for x in range(width):
+            v, u = (y + 0.5) * h / height - 0.5, (x + 0.5) * w / width - 0.5
+            v0, u0 = math.floor(v), math.floor(u)
+            total = 0.0
+            for dv in (0, 1):
+                for du in (0, 1):
+                    share = (1 - abs(v - v0 - dv)) * (1 - abs(u - u0 - du))
+                    total += share * float(image[min(max(v0 + dv, 0), h - 1), min(max(u0 + du, 0), w - 1)])
+            out[y, x] = total
+    return out
+
+
+def l1_per_pixel(images, outputs):
+    """Return |I - I'| averaged over the channels, [n, h, w], one pixel after the other."""
+    n, channels, h, w = images.shape
+    out = np.zeros((n, h, w))
+    for i in range(n):
+        for y in range(h):
+            for x in range(w):
+                for c in range(channels):
+                    out[i, y, x] += abs(float(images[i, c, y, x]) - float(outputs[i, c, y, x])) / channels
+    return out
+
+
+def mean_and_deviation(values):
+    """Return mean and standard deviation (of the population) by two exact passes."""
+    values = [float(v) for v in np.ravel(values)]
+    mean = math.fsum(values) / len(values)
+    return mean, math.sqrt(math.fsum((v - mean) ** 2 for v in values) / len(values))
+
+
+def orientation_histogram(grey, grid, bins):
+    """Return [grid, grid, bins]: gradient magnitude shared between the two nearest of ``bins`` over half a turn."""
+    height, width = grey.shape
+    out = np.zeros((grid, grid, bins))
+    for y in range(height):
+        for x in range(width):
+            dx = float(grey[y, min(x + 1, width - 1)]) - float(grey[y, max(x - 1, 0)])
+            dy = float(grey[min(y + 1, height - 1), x]) - float(grey[max(y - 1, 0), x])
+            place = (math.atan2(dy, dx) % math.pi) / math.pi * bins
+            low = math.floor(place)
+            cell = out[y * grid // height, x * grid // width]
+            cell[low % bins] += math.hypot(dx, dy) * (1 - (place - low))
+            cell[(low + 1) % bins] += math.hypot(dx, dy) * (place - low)
+    return out
+
+
+def block_normalised(cells, clip):
+    """Return every 2×2 block of cells at length one, clipped, and again at length one, one after the other."""
+    out = []
+    for y in range(cells.shape[0] - 1):
+        for x in range(cells.shape[1] - 1):
+            block = np.concatenate([cells[y + dy, x + dx] for dy in (0, 1) for dx in (0, 1)])
+            block = np.minimum(block / max(math.sqrt((block**2).sum()), 0.5), clip)
+            out.append(block / max(math.sqrt((block**2).sum()), 1e-12))
+    return np.concatenate(out)
+
+
+def inertia(vectors, labels):
+    """Return the sum of squared distances to the centres, class by class."""
+    return sum(((vectors[labels == i] - vectors[labels == i].mean(axis=0)) ** 2).sum() for i in set(labels.tolist()))
+
+
+# --- evaluation and fusion --------------------------------------------------------------------------------------------
+
+
+def paint(box, height, width, scale=1):
+    """The pixels of a box whose corners are multiples of 1/scale, at that resolution."""
+    y, x = np.mgrid[: height * scale, : width * scale] / scale
+    return (box[0] <= x) & (x < box[2]) & (box[1] <= y) & (y < box[3])
+
+
+def pixels_of(row, col, height, width):
+    """Slices of the pixels of one cell."""
+    return slice(row * CELL, min((row + 1) * CELL, height)), slice(col * CELL, min((col + 1) * CELL, width))
+
+
+def grid(height, width):
+    return [(r, c) for r in range(-(-height // CELL)) for c in range(-(-width // CELL))]
+
+
+def positive_cells(boxes, height, width):
+    """By counting painted pixels; integer boxes."""
+    result = set()
+    for box in boxes:
+        image = paint(box, height, width)
+        mine = set()
+        for r, c in grid(height, width):
+            part = image[pixels_of(r, c, height, width)]
+            if 2 * part.sum() >= part.size:
+                mine.add((r, c))
+        if not mine and image.any():
+            ys, xs = np.nonzero(image)
+            mine.add(((ys.min() + ys.max() + 1) // 2 // CELL, (xs.min() + xs.max() + 1) // 2 // CELL))
+        result |= mine
+    return result
+
+
+def selected_cells(scene, loc, key, percent, pool, times=None):
+    """The selected (query, row, column), with ``times[q]`` copies of each query; copies are selected together."""
+    times = times or [1] * len(scene.names)
+    pools = [range(len(scene.names))] if pool == "all" else [[q] for q in range(len(scene.names))]
+    selected = set()
+    for queries in pools:
+        cells = []
+        for q in queries:
+            for i, (r, c) in enumerate(grid(scene.heights[q], scene.widths[q])):
+                cells.append((-float(loc[q][r, c]), float(key[q][i]), scene.names[q], q, r, c))
+        # the percentage of a drawn query's own cells does not depend on how often it is drawn
+        weight = {q: times[q] if pool == "all" else 1 for q in queries}
+        room = int(Fraction(percent, 100) * sum(weight[cell[3]] for cell in cells))
+        for *_, q, r, c in sorted(cells):
+            room -= weight[q]
+            if room < 0:
+                break
+            selected.add((q, r, c))
+    return selected
+
+
+def objects(scene):
+    return [(q, box) for q, boxes in enumerate(scene.boxes) for box in boxes]
+
+
+def found_by_coverage(scene, selected, share):
+    """By painting; integer boxes."""
+    result = []
+    for q, box in objects(scene):
+        image = paint(box, scene.heights[q], scene.widths[q])
+        total = int(image.sum())
+        inside = 0
+        for r, c in grid(scene.heights[q], scene.widths[q]):
+            if (q, r, c) in selected:
+                inside += int(image[pixels_of(r, c, scene.heights[q], scene.widths[q])].sum())
+        result.append(total > 0 and Fraction(inside, total) >= Fraction(share))
+    return result
+
+
+def found_by_iou(scene, selected, share):
+    """By labelling painted pixels; integer boxes."""
+    result = []
+    for q, box in objects(scene):
+        height, width = scene.heights[q], scene.widths[q]
+        image, mask = paint(box, height, width), np.zeros((height, width), dtype=bool)
+        for r, c in grid(height, width):
+            mask[pixels_of(r, c, height, width)] = (q, r, c) in selected
+        labels, count = ndimage.label(mask, structure=np.ones((3, 3)))
+        hit = False
+        for k in range(1, count + 1):
+            both, either = int((image & (labels == k)).sum()), int((image | (labels == k)).sum())
+            hit = hit or (bool(image.any()) and Fraction(both, either) >= Fraction(share))
+        result.append(hit)
+    return result
+
+
+def curve(values, positive):
+    """AUROC, average precision and F1-max by scikit-learn; None where undefined."""
+    if not any(positive):
+        return None, None, None
+    area = None if all(positive) else roc_auc_score(positive, values)
+    precision, recall, _ = precision_recall_curve(positive, values)
+    f1 = max(2 * p * r / (p + r) for p, r in zip(precision, recall, strict=True) if p + r > 0)
+    return area, average_precision_score(positive, values), f1
+
+
+def cells_and_truth(scene, loc, times=None):
+    """All values and whether they are positive, queries repeated as often as drawn."""
+    values, truth = [], []
+    for q in range(len(scene.names)):
+        changed = positive_cells(scene.boxes[q], scene.heights[q], scene.widths[q])
+        for _ in range(times[q] if times is not None else 1):
+            values += [float(loc[q][cell]) for cell in grid(scene.heights[q], scene.widths[q])]
+            truth += [cell in changed for cell in grid(scene.heights[q], scene.widths[q])]
+    return values, truth
+
+
+def location_controlled(scene, loc, times=None):
+    """By loops over boxes, unchanged queries and pairs of cells; None where undefined."""
+    times = times if times is not None else [1] * len(scene.names)
+    scores = []
+    for q, box in objects(scene):
+        cells = positive_cells([box], scene.heights[q], scene.widths[q])
+        each = []
+        for u in range(len(scene.names)):
+            if len(scene.boxes[u]) or np.shape(loc[u]) != np.shape(loc[q]) or not cells:
+                continue
+            here, there = np.array([loc[q][c] for c in cells])[:, None], np.array([loc[u][c] for c in cells])
+            each += [np.mean((here > there) + 0.5 * (here == there))] * times[u]
+        if each:
+            scores += [sum(each) / len(each)] * times[q]
+    return sum(scores) / len(scores) if scores else None
+
+
+def fuse(maps, rule):
+    """By counting, for every cell, the cells of the pool that are smaller or larger."""
+    pools = [[float(v) for cells in detector for v in np.ravel(cells)] for detector in maps]
+    fused = []
+    for i in range(len(pools[0])):
+        if rule == "harmonic":
+            ranks = [1 + sum(v < pool[i] for v in pool) for pool in pools]
+            fused.append(len(ranks) / sum(Fraction(1, r) for r in ranks))
+        else:
+            fused.append(sum(Fraction(1, 1 + sum(v > pool[i] for v in pool)) for pool in pools))
+    return fused

@@ -14,7 +14,7 @@ from fdslam import autoencoder as ae
 from fdslam.config import Autoencoder
 from fdslam.errors import InputError
 from fdslam.types import CELL
-from tests.reference_ad import bilinear, cells_of_pixels, l1_per_pixel, mean_and_deviation
+from tests.reference import bilinear, cell_maximum, l1_per_pixel, mean_and_deviation
 
 SMALL = Autoencoder(channels=4, latent=16, epochs=4, patience=2, batch=4, learning_rate=2e-3, folds=3)
 SIZE = (32, 48)
@@ -294,4 +294,4 @@ def test_cells_equal_a_loop_over_pixels(shape, height, width):
     error = np.random.default_rng(0).standard_normal(shape).astype(np.float32) - 3  # a border filled with 0 would show
     cells = ae.error_to_cells(error, height, width)
     assert cells.dtype == np.float32
-    np.testing.assert_allclose(cells, cells_of_pixels(bilinear(error, height, width), CELL), atol=1e-4)
+    np.testing.assert_allclose(cells, cell_maximum(bilinear(error, height, width), CELL), atol=1e-4)

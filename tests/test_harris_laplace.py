@@ -1,4 +1,4 @@
-"""Oracle: reference_pc (analytic derivatives, full resolution, a loop over pixels) and images of known corners."""
+"""Oracle: reference (analytic derivatives, full resolution, a loop over pixels) and images of known corners."""
 
 import cv2
 import numpy as np
@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter
 import fdslam.harris_laplace
 from fdslam.config import Keypoints
 from fdslam.harris_laplace import FLOOR, HarrisLaplace, harris_laplace, sift
-from tests import reference_pc
+from tests import reference
 
 ALL = Keypoints(keypoints=100_000)
 
@@ -45,7 +45,7 @@ def test_full_resolution_is_the_definition(monkeypatch, seed, k):
     monkeypatch.setattr(fdslam.harris_laplace, "LEVEL_SIGMA", 1e9)
     config = Keypoints(keypoints=100_000, harris_k=k)
     image = texture(seed, 90, 110)
-    ours, oracle = harris_laplace(image, config), np.array(reference_pc.harris_laplace(image, config, FLOOR))
+    ours, oracle = harris_laplace(image, config), np.array(reference.harris_laplace(image, config, FLOOR))
     assert len(oracle) > 30
     # A pixel at which two scales or two neighbours are equal to a part in a thousand may fall either way.
     assert near(oracle, rows(ours), 0) >= 0.98
@@ -58,7 +58,7 @@ def test_full_resolution_is_the_definition(monkeypatch, seed, k):
 @pytest.mark.parametrize("seed", [3, 4])
 def test_pyramid_agrees_with_full_resolution(seed):
     image = texture(seed, 130, 151)
-    ours, oracle = rows(harris_laplace(image, ALL)), np.array(reference_pc.harris_laplace(image, ALL, FLOOR))
+    ours, oracle = rows(harris_laplace(image, ALL)), np.array(reference.harris_laplace(image, ALL, FLOOR))
     assert near(oracle, ours, 1) >= 0.9
     assert near(ours, oracle, 1) >= 0.9
     response = {(x, y, round(s, 3)): r for x, y, s, r in oracle.tolist()}

@@ -12,7 +12,7 @@ import pytest
 
 from fdslam.errors import InputError
 from fdslam.places import BINS, CLIP, GRID, SIDE, global_descriptor, place_classes, pose_vectors, time_vectors
-from tests.reference_ad import block_normalised, inertia, orientation_histogram
+from tests.reference import block_normalised, inertia, orientation_histogram
 
 
 def picture(seed, height=96, width=128):

@@ -6,6 +6,8 @@ left empty. Here it proposes several times as many, and the cells of a grid take
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +52,7 @@ def extract(image: Image, config: Orb) -> Features:
     if not keypoints:
         return NOTHING
     if spread:
-        xy = cv2.KeyPoint.convert(keypoints)
+        xy = _positions(keypoints)
         # About grid² cells, as square as the image allows.
         side = np.sqrt(grey.shape[0] * grey.shape[1]) / config.grid
         columns = int(np.ceil(grey.shape[1] / side))
@@ -62,5 +64,11 @@ def extract(image: Image, config: Orb) -> Features:
         return NOTHING
     # OpenCV counts from the centre of the first pixel, this project from its corner.
     stretch = np.array([grey.shape[1] / width, grey.shape[0] / height], np.float32)
-    xy = (cv2.KeyPoint.convert(keypoints) + np.float32(0.5)) / stretch
-    return Features(np.clip(xy, 0, np.nextafter(np.float32([width, height]), 0)).astype(np.float32), descriptors)
+    xy = (_positions(keypoints) + np.float32(0.5)) / stretch
+    last = np.nextafter(np.array([width, height], np.float32), np.float32(0))
+    return Features(np.clip(xy, 0, last).astype(np.float32), np.asarray(descriptors, np.uint8))
+
+
+def _positions(keypoints: Sequence[cv2.KeyPoint]) -> NDArray[np.float32]:
+    """Return float32 [n, 2]."""
+    return np.array(cv2.KeyPoint.convert(keypoints), np.float32).reshape(-1, 2)

@@ -9,6 +9,7 @@ instead of on the pixels. Sums of reciprocals are fixed-point integers: the orde
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -22,7 +23,7 @@ from fdslam.types import CELL, Cells, grid_shape
 
 STAGE = Stage("fd", "fdslam.detectors.fault_diagnosis", ("numpy",))
 RANK_ONE = 1 << 24  # fixed-point 1.0 of a rank
-_POOL = {"min": np.min, "mean": np.mean, "max": np.max, "median": np.median}
+_POOL: dict[str, Callable[..., NDArray]] = {"min": np.min, "mean": np.mean, "max": np.max, "median": np.median}
 
 
 def _edges(low: NDArray[np.float32], high: NDArray[np.float32], size: int) -> tuple[NDArray[np.int64], ...]:
@@ -43,13 +44,17 @@ def _paint(values: NDArray[np.int64], ys: tuple, xs: tuple) -> NDArray[np.int64]
     return np.moveaxis(difference.cumsum(0).cumsum(1)[:-1, :-1], (0, 1), (-2, -1))
 
 
-def _mean_rank(ranks: NDArray, paint, covered: NDArray[np.int64], mean: str) -> NDArray[np.float64]:
+def _mean_rank(
+    ranks: NDArray, paint: Callable[[NDArray[np.int64]], NDArray[np.int64]], covered: NDArray[np.int64], mean: str
+) -> NDArray[np.float64]:
     """Mean over J[p] of ranks [..., J] on the edge grid; 0 where no box covers."""
     if mean == "harmonic":
         total = paint(reciprocal(ranks))
         return np.divide(covered * RECIPROCAL_ONE, total, out=np.zeros(total.shape), where=total > 0)
     total = paint(np.rint(ranks * RANK_ONE).astype(np.int64))  # pooled first, a rank need not be whole
-    return np.divide(total, RANK_ONE * covered, out=np.zeros(total.shape), where=np.broadcast_to(covered > 0, total.shape))
+    return np.divide(
+        total, RANK_ONE * covered, out=np.zeros(total.shape), where=np.broadcast_to(covered > 0, total.shape)
+    )
 
 
 def _blocks(

@@ -1,4 +1,4 @@
-"""Oracle: reference_pc (every pair of descriptors; every cell and keypoint; every pair of cells)."""
+"""Oracle: reference (every pair of descriptors; every cell and keypoint; every pair of cells)."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fdslam.detectors import comparison
 from fdslam.detectors.comparison import FARTHEST, keypoints_to_cells, nearest_distance
-from tests import reference_pc
+from tests import reference
 
 
 def descriptors(rng, n):
@@ -26,16 +26,14 @@ def test_nearest_against_all_pairs(seed, n, sizes, block):
         ours = nearest_distance(query, maps)
     assert ours.dtype == np.float32
     assert ours.shape == (n,)
-    oracle = np.array(reference_pc.nearest_distance(query, maps))
+    oracle = np.array(reference.nearest_distance(query, maps))
     np.testing.assert_allclose(ours, np.where(np.isinf(oracle), FARTHEST, oracle), rtol=1e-6)
 
 
 def test_fractions_too():
     rng = np.random.default_rng(0)
     query, maps = rng.random((40, 128), np.float32), [rng.random((m, 128), np.float32) for m in (30, 1, 0, 60)]
-    np.testing.assert_allclose(
-        nearest_distance(query, maps), reference_pc.nearest_distance(query, maps), rtol=1e-5
-    )
+    np.testing.assert_allclose(nearest_distance(query, maps), reference.nearest_distance(query, maps), rtol=1e-5)
 
 
 def test_the_same_descriptor_is_at_exactly_0():
@@ -80,7 +78,7 @@ def test_cells_against_loops(seed, height, width, n, whole):
     xy = (rng.random((n, 2)) * (width, height)).astype(np.float32)
     xy = np.floor(xy) if whole else np.minimum(xy, np.nextafter(np.array([width, height], np.float32), np.float32(0)))
     value = (500 * rng.random(n)).astype(np.float32)
-    oracle = reference_pc.cells_maximum(xy, value, height, width)
+    oracle = reference.cells_maximum(xy, value, height, width)
     cells = keypoints_to_cells(xy, value, height, width, "cell", 1.5)
     assert cells.dtype == np.float32
     np.testing.assert_array_equal(cells, oracle)
@@ -88,7 +86,7 @@ def test_cells_against_loops(seed, height, width, n, whole):
     for sigma in (0.4, 1.5):
         smooth = keypoints_to_cells(xy, value, height, width, "gaussian", sigma)
         assert smooth.dtype == np.float32
-        np.testing.assert_allclose(smooth, reference_pc.blurred(oracle, sigma), rtol=1e-5, atol=1e-4)
+        np.testing.assert_allclose(smooth, reference.blurred(oracle, sigma), rtol=1e-5, atol=1e-4)
         np.testing.assert_array_equal(
             keypoints_to_cells(xy[order], value[order], height, width, "gaussian", sigma), smooth
         )

@@ -10,7 +10,9 @@ from fdslam.detectors.fault_diagnosis import loc_cells, loc_pixels
 from fdslam.types import CELL
 from tests import reference
 
-SWITCHES = list(product(("min", "mean", "max", "median"), ("fuse_then_pool", "pool_then_fuse"), ("harmonic", "arithmetic")))
+SWITCHES = list(
+    product(("min", "mean", "max", "median"), ("fuse_then_pool", "pool_then_fuse"), ("harmonic", "arithmetic"))
+)
 
 
 def scene(seed, height, width, count=6, hypotheses=4):

@@ -55,5 +55,5 @@ def test_library_joins_its_parts():
 
 @pytest.mark.parametrize("library", ["", "J+", "J+Q", "J+J"])
 def test_unknown_or_repeated_parts_are_refused(library):
-    with pytest.raises(InputError, match="obb.library"):
+    with pytest.raises(InputError, match=r"obb\.library"):
         parse_library(library)

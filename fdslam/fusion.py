@@ -1,0 +1,53 @@
+"""Late fusion: the maps of several detectors become one by their ranks in the pool of all cells (§Performance)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import rankdata
+
+from fdslam.errors import InputError
+
+RULES = ("harmonic", "reciprocal")
+
+
+def fuse(maps: Sequence[Sequence[NDArray[np.floating]]], rule: str) -> list[NDArray[np.float64]]:
+    """Fuse the detectors' LoC, cell by cell, by competition ranks over the cells of all queries.
+
+    Equal values share the smallest rank of their group, so a detector that is blind in many cells does not order them.
+
+    - ``harmonic``: ranks ascend with LoC and are fused by Eq. 1, n (Σ 1/r)⁻¹: a cell is as likely changed as the
+      harmonic mean of its ranks, so one detector that sees no change vetoes.
+    - ``reciprocal``: rank 1 is the most likely changed cell and Σ 1/r is the fused LoC: one sure detector is enough.
+
+    The n reciprocals of a cell are summed by size, so the result is the same, to the last bit, for any order of the
+    detectors and of the queries.
+
+    Args:
+        maps: per detector, per query, the LoC [rows, cols] of its cells, no NaN; larger is more likely changed.
+        rule: one of ``RULES``.
+
+    Returns:
+        Per query [rows, cols] **float64**, larger is more likely changed. Not float32 as other cells: pools hold up to
+        1e8 cells, and rounding to 24 bits would tie cells that differ. Keep it so until the cells are ranked.
+
+    Raises:
+        InputError: unknown rule, no detector, or detectors whose maps differ in number or shape.
+    """
+    if rule not in RULES:
+        raise InputError(f"fusion rule {rule!r}: choose one of {', '.join(RULES)}")
+    if not maps:
+        raise InputError("late fusion: no detector given; at least one is needed")
+    shapes = [np.shape(cells) for cells in maps[0]]
+    if any([np.shape(cells) for cells in detector] != shapes for detector in maps):
+        raise InputError("late fusion: the detectors' maps differ in number or shape; use the same queries for all")
+    if not shapes:
+        return []
+    sign = 1 if rule == "harmonic" else -1
+    pools = [sign * np.concatenate([np.ravel(cells) for cells in detector]) for detector in maps]
+    total = sum(np.sort([1 / rankdata(pool, method="min") for pool in pools], axis=0))
+    fused = len(maps) / total if rule == "harmonic" else total
+    parts = np.split(fused, np.cumsum([rows * cols for rows, cols in shapes])[:-1])
+    return [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
