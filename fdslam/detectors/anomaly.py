@@ -1,0 +1,159 @@
+"""Anomaly detection (AD): what the autoencoder of the place cannot reconstruct has changed (§AD).
+
+The map images are partitioned into k places, each with its own autoencoder (AE). A query is shown to the AE of the
+place it was localised in; z = (RE - μ) / (c σ) makes the AEs' errors comparable. c is shared by all AEs, so what is
+stored is c z, and another c repeats nothing.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from fdslam.autoencoder import (
+    PlaceModel,
+    error_to_cells,
+    fill_statistics,
+    fit_place,
+    input_size,
+    prepare,
+    reconstruction_error,
+    z_score,
+)
+from fdslam.config import Autoencoder, Places, part
+from fdslam.context import Context, ensure, load
+from fdslam.data.images import read_image
+from fdslam.errors import InputError
+from fdslam.places import global_descriptor, place_classes, pose_vectors, time_vectors
+from fdslam.store import Arrays, Key, Stage
+from fdslam.types import Cells, Frame, grid_shape
+
+DESCRIPTOR = Stage("global_descriptor", "fdslam.places", ("opencv-python-headless", "numpy"))
+PLACES = Stage("places", "fdslam.places", ("scikit-learn",))
+MODEL = Stage("autoencoder", "fdslam.autoencoder", ("torch",))
+STAGE = Stage("ad", "fdslam.detectors.anomaly", ("torch", "opencv-python-headless"))
+
+
+def _vectors(context: Context) -> NDArray[np.floating]:
+    """What k-means partitions: [M, d]."""
+    data, settings = context.dataset, context.config.ad
+    if settings.places == "time":
+        return time_vectors(data.times)
+    if settings.places == "pose":
+        if data.poses is None:
+            raise InputError(
+                f"ad=pose: {data.name} has no poses; add x, y, heading to map.csv or choose ad=appearance or ad=time"
+            )
+        return pose_vectors(data.poses)
+
+    def describe(frame: Frame) -> Arrays:
+        return {"vector": global_descriptor(read_image(frame.path))}
+
+    keys = [DESCRIPTOR.key({}, [frame.digest]) for frame in data.map]
+    jobs = {key: partial(describe, frame) for key, frame in zip(keys, data.map, strict=True)}
+    context.ensure(DESCRIPTOR, jobs, "global descriptors of the map")
+    return np.stack([load(context.store, DESCRIPTOR, key, jobs[key])["vector"] for key in keys])
+
+
+def place_labels(context: Context) -> NDArray[np.int64]:
+    """Return the place of every map image, int64 [M], 0 … at most k - 1."""
+    data, config = context.dataset, context.config
+    inputs = [frame.digest for frame in data.map]
+    if config.ad.places != "appearance":
+        inputs += [value.hex() for value in _vectors(context).ravel().tolist()]
+    key = PLACES.key({**part(config.ad, Places), "seed": config.seed}, inputs)
+
+    def cluster() -> Arrays:
+        return {"label": place_classes(_vectors(context), config.ad.k, config.seed)}
+
+    return load(context.store, PLACES, key, cluster)["label"]
+
+
+def _pack(model: PlaceModel) -> Arrays:
+    held_out = (model.mu, model.sigma) if model.mu is not None and model.sigma is not None else ()
+    return {
+        **{f"weights.{name}": value for name, value in model.weights.items()},
+        "held_out": np.array(held_out, np.float64),
+        "own": np.array([model.own_mu, model.own_sigma], np.float64),
+        "epochs": np.array(model.epochs),
+        "training": model.training,
+        "validation": model.validation,
+    }
+
+
+def _unpack(arrays: Arrays) -> PlaceModel:
+    mu, sigma = arrays["held_out"].tolist() or (None, None)
+    own_mu, own_sigma = arrays["own"].tolist()
+    weights = {name.removeprefix("weights."): a for name, a in arrays.items() if name.startswith("weights.")}
+    return PlaceModel(
+        weights, mu, sigma, int(arrays["epochs"]), arrays["training"], arrays["validation"], own_mu, own_sigma
+    )
+
+
+def fit_places(context: Context) -> tuple[NDArray[np.int64], list[Key], tuple[PlaceModel, ...], tuple[int, int]]:
+    """Train the AE of every place that is not stored yet.
+
+    Returns:
+        The place of every map image (int64 [M]); per place its model's address and the model, μ and σ filled in; and
+        the AEs' input size (height, width) in pixels.
+    """
+    data, config = context.dataset, context.config
+    size = input_size(data.map[0].height, data.map[0].width, config.ad.pixels)
+    label = place_labels(context)
+    members = [[data.map[m] for m in np.flatnonzero(label == place)] for place in range(label.max() + 1)]
+    # A GPU rounds differently from a CPU, so their models are told apart; cuda:0 and cuda:1 are not.
+    settings = {**part(config.ad, Autoencoder), "seed": config.seed, "device": config.device.split(":")[0]}
+
+    def fit(frames: list[Frame]) -> Arrays:
+        images = prepare([read_image(frame.path) for frame in frames], size)
+        return _pack(fit_place(images, config.ad, config.seed, config.device))
+
+    keys = [MODEL.key({**settings, "size": size}, [frame.digest for frame in frames]) for frames in members]
+    jobs = {key: partial(fit, frames) for key, frames in zip(keys, members, strict=True)}
+    ensure(context.store, MODEL, jobs, config.workers, "autoencoders")
+    models = [_unpack(load(context.store, MODEL, key, jobs[key])) for key in keys]
+    return label, keys, fill_statistics(models), size
+
+
+def detect(context: Context) -> list[Cells]:
+    """Return the LoC of every query (§AD): z of the AE of its place, the largest in each cell.
+
+    With ``ad.hypotheses: top1`` the place is that of the best hypothesis, with ``min`` the smallest z over the places
+    of all Y counts. A query without hypothesis gets 0.
+    """
+    data, config = context.dataset, context.config
+    label, keys, models, size = fit_places(context)
+
+    def places_of(query: int) -> list[int]:
+        hypotheses = context.hypotheses[query]
+        used = hypotheses[:1] if config.ad.hypotheses == "top1" else hypotheses
+        return sorted({int(label[m]) for m in used})
+
+    def cells(query: int) -> Arrays:
+        frame, places = data.query[query], places_of(query)
+        if not places:
+            return {"cz": np.zeros(grid_shape(frame.height, frame.width), np.float32)}
+        image = prepare([read_image(frame.path)], size)
+        z = [_z(models[place], image, config.device) for place in places]
+        return {"cz": error_to_cells(np.min(z, axis=0), frame.height, frame.width)}
+
+    addresses = []
+    for query, frame in enumerate(data.query):
+        used = [(keys[place], *map(float.hex, _statistics(models[place]))) for place in places_of(query)]
+        addresses.append(STAGE.key({}, [frame.digest, *(value for entry in used for value in entry)]))
+    context.ensure(STAGE, {key: partial(cells, query) for query, key in enumerate(addresses)}, "AD")
+    found = [load(context.store, STAGE, key, partial(cells, query))["cz"] for query, key in enumerate(addresses)]
+    return [(cz / np.float32(config.ad.c)).astype(np.float32) for cz in found]
+
+
+def _statistics(model: PlaceModel) -> tuple[float, float]:
+    assert model.mu is not None  # filled in by fit_places
+    assert model.sigma is not None
+    return model.mu, model.sigma
+
+
+def _z(model: PlaceModel, image: Tensor, device: str) -> NDArray[np.float32]:
+    return z_score(reconstruction_error(model.weights, image, device)[0], *_statistics(model))
