@@ -1,0 +1,34 @@
+"""What a run leaves behind: tables for people and programs, provenance and pictures."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from fdslam.config import Config
+from fdslam.pipeline import Outcome
+from fdslam.progress import worker_count
+from fdslam.provenance import Stopwatch, provenance
+from fdslam.report.pictures import draw_pictures
+from fdslam.report.tables import table_csv, table_json, table_markdown, table_text
+from fdslam.store import write_atomically
+
+
+def write_report(outcome: Outcome, config: Config, folder: Path, watch: Stopwatch) -> str:
+    """Write ``table.csv``, ``table.md``, ``table.json``, ``pictures/`` and ``run.json``; return the table as text."""
+    with watch.stage("pictures"):
+        draw_pictures(outcome, config, folder / "pictures")
+    seconds = sum(watch.seconds.values())
+    table = table_json(outcome, config, seconds)
+    write_atomically(folder / "table.json", _json(table))
+    write_atomically(folder / "table.csv", table_csv(outcome, config).encode())
+    write_atomically(folder / "table.md", table_markdown(outcome, config).encode())
+    run = provenance(asdict(config), watch.seconds, worker_count(config.workers))
+    write_atomically(folder / "run.json", _json(run))
+    return table_text(outcome, config)
+
+
+def _json(value: Any) -> bytes:
+    return (json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()

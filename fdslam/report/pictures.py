@@ -1,0 +1,133 @@
+"""One picture a query: what was seen, what was remembered, and where each method sees a change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+from scipy.stats import rankdata
+
+from fdslam.config import Config
+from fdslam.data.images import read_image
+from fdslam.metrics import positive_cells
+from fdslam.pipeline import Maps, Outcome
+from fdslam.progress import progress
+from fdslam.store import write_atomically
+from fdslam.types import CELL
+
+PANEL = 2.6  # inches, the longer side of a panel
+TRUTH, BOX = "#00e5ff", "#ffb000"  # safe for the colour-blind, visible on photographs
+
+
+def percentiles(maps: Maps) -> list[NDArray[np.float32]]:
+    """Return each cell's place in the pool of all queries' cells, 0 to 1; ties averaged."""
+    pool = np.concatenate([cells.ravel() for cells in maps])
+    places = ((rankdata(pool) - 0.5) / len(pool)).astype(np.float32)
+    parts = np.split(places, np.cumsum([cells.size for cells in maps])[:-1])
+    return [part.reshape(cells.shape) for part, cells in zip(parts, maps, strict=True)]
+
+
+def rank_queries(outcome: Outcome, percentile: Maps) -> list[int]:
+    """Return the queries from best to worst, by how much higher the changed cells stand than the rest.
+
+    Unchanged queries are judged by how low their highest hundredth stands; without annotations the list is empty.
+    """
+    if outcome.dataset.boxes is None:
+        return []
+    scores = []
+    for frame, boxes, place in zip(outcome.dataset.query, outcome.dataset.boxes, percentile, strict=True):
+        changed = positive_cells(boxes, frame.height, frame.width)
+        if changed.any() and not changed.all():
+            scores.append(float(place[changed].mean() - place[~changed].mean()))
+        else:
+            scores.append(0.5 - float(np.quantile(place, 0.99)))
+    return sorted(range(len(scores)), key=lambda q: -scores[q])
+
+
+def _show(axes: Axes, image: NDArray[np.uint8], title: str) -> None:
+    axes.imshow(image, extent=(0, image.shape[1], image.shape[0], 0))
+    axes.set_title(title, fontsize=7, parse_math=False)
+    axes.set_axis_off()
+
+
+def _outline(axes: Axes, boxes: NDArray[np.float32], colour: str, width: float) -> None:
+    for x0, y0, x1, y1 in boxes:
+        axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, linewidth=width))
+
+
+def draw_query(outcome: Outcome, heat: dict[str, Maps], query: int) -> bytes:
+    """Return the picture of one query as PNG: the query with truth and OBBs, the top map image, a heat map a method.
+
+    Args:
+        outcome: of the run.
+        heat: per method the percentile of every cell.
+        query: which one.
+    """
+    data = outcome.dataset
+    frame = data.query[query]
+    image = read_image(frame.path)
+    truth = data.boxes[query] if data.boxes is not None else np.zeros((0, 4), np.float32)
+    aspect = frame.width / frame.height
+    size = (PANEL * min(1, aspect), PANEL / max(1, aspect))
+    count = 2 + len(heat)
+    figure = Figure(figsize=(size[0] * count + 0.5, size[1] + 0.3), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes: Sequence[Axes] = figure.subplots(1, count)
+    _show(axes[0], image, f"{frame.name}: {len(truth)} changed")
+    _outline(axes[0], outcome.localizations[query].boxes.xyxy, BOX, 0.4)
+    _outline(axes[0], truth, TRUTH, 1.4)
+    hypotheses = outcome.hypotheses[query]
+    if len(hypotheses):
+        top = data.map[hypotheses[0]]
+        known = data.relevant is not None
+        right = known and hypotheses[0] in data.relevant[query]  # type: ignore[index]
+        _show(
+            axes[1],
+            read_image(top.path),
+            f"{top.name}" + (f" ({'right' if right else 'wrong'} place)" if known else ""),
+        )
+    else:
+        axes[1].set_axis_off()
+    for panel, (method, places) in zip(axes[2:], heat.items(), strict=True):
+        _show(panel, np.repeat(image.mean(axis=2, keepdims=True), 3, axis=2).astype(np.uint8), method)
+        rows, columns = places[query].shape
+        extent = (0, columns * CELL, rows * CELL, 0)
+        drawn = panel.imshow(places[query], cmap="inferno", vmin=0, vmax=1, alpha=0.75, extent=extent)
+        panel.set_xlim(0, frame.width)
+        panel.set_ylim(frame.height, 0)
+        _outline(panel, truth, TRUTH, 1.0)
+    bar = figure.colorbar(drawn, ax=axes[-1], fraction=0.08, pad=0.02)
+    bar.set_label("LoC, place among all cells", fontsize=6)
+    bar.ax.tick_params(labelsize=5)
+    png = BytesIO()
+    figure.savefig(png, format="png")
+    return png.getvalue()
+
+
+def draw_pictures(outcome: Outcome, config: Config, folder: Path) -> None:
+    """Draw the best and the worst queries of the last row of the table (the first ones without annotations)."""
+    wanted = config.report.pictures
+    if not wanted:
+        return
+    heat = {row: percentiles(outcome.maps[row]) for row in config.mix.rows}
+    ranked = rank_queries(outcome, list(heat.values())[-1])
+    if ranked:
+        best = ranked[:wanted]
+        worst = [query for query in reversed(ranked) if query not in best][:wanted]
+        names = {f"best_{i:02d}": query for i, query in enumerate(best, 1)}
+        names |= {f"worst_{i:02d}": query for i, query in enumerate(worst, 1)}
+    else:
+        names = {f"query_{query:04d}": query for query in range(min(wanted, len(outcome.dataset.query)))}
+    with mpl.rc_context({"font.family": "DejaVu Sans"}):
+        jobs = [(name, partial(draw_query, outcome, heat, query)) for name, query in names.items()]
+        for name, draw in progress(jobs, len(jobs), "pictures"):
+            write_atomically(folder / f"{name}.png", draw())

@@ -1,0 +1,169 @@
+"""The command: ``python -m fdslam.run +experiment=fd_ad_pc``.
+
+Composes the configuration, checks it and its surroundings before anything heavy is imported, runs the stages and prints
+the table. Whatever the user can mend ends in one line on standard error and exit status 2.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import shutil
+import sys
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
+
+from fdslam.config import Campus, Checked, Config, Folder, register
+from fdslam.errors import InputError
+
+USAGE_ERROR, INTERRUPTED = 2, 130
+FREE_BYTES = 200_000_000  # what a small run writes; a full disk is told at the start rather than in an hour
+_PACKED, _CHECKOUT = Path(__file__).parent / "conf", Path(__file__).parent.parent / "conf"
+CONF = _PACKED if _PACKED.is_dir() else _CHECKOUT  # in a wheel, or in a checkout
+
+
+def to_config(composed: DictConfig) -> Config:
+    """Return the composed configuration as checked dataclasses.
+
+    Raises:
+        InputError: an unknown key (``+key=value`` would add it silently), a missing value or one out of range.
+    """
+    try:
+        config = OmegaConf.to_object(composed)
+    except MissingMandatoryValue as error:
+        key = str(error.full_key or "").strip() or str(error)
+        raise InputError(f"{key} is missing: give {key}=… on the command line") from None
+    assert isinstance(config, Config)
+    groups: list[Checked] = [config, *(value for value in vars(config).values() if isinstance(value, Checked))]
+    for group in groups:
+        for key in vars(group).keys() - {f.name for f in fields(group)}:  # type: ignore[arg-type]
+            name = type(group).__name__.lower() if group.group is None else group.group
+            raise InputError(unknown_key(f"{name}.{key}".lstrip(".")))
+    return config
+
+
+def check_surroundings(config: Config) -> None:
+    """Find in the first second what would otherwise end the run late.
+
+    Raises:
+        InputError: the data folder is not there, the store cannot be written, the disk is nearly full, or the OBB
+            library names something unknown.
+    """
+    from fdslam.obb import parse_library
+
+    parse_library(config.obb.library)
+    root = getattr(config.dataset, "root", None)
+    if root is not None and not Path(root).expanduser().is_dir():
+        raise InputError(f"dataset.root={root}: no such folder; give the folder that holds map/ and query/")
+    if not re.fullmatch(r"cpu|cuda(:\d+)?", config.device):
+        raise InputError(f"device={config.device}: choose cpu or cuda")
+    store = Path(config.store)
+    try:
+        store.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"store={store}: cannot be made ({error.strerror}); choose another with store=DIR") from error
+    if not os.access(store, os.W_OK):
+        raise InputError(f"store={store}: not writable; choose another with store=DIR")
+    free = shutil.disk_usage(store).free
+    if free < FREE_BYTES:
+        raise InputError(
+            f"store={store}: {free / 1e6:.0f} MB free, at least {FREE_BYTES / 1e6:.0f} MB are needed; "
+            "free some or choose another disk with store=DIR"
+        )
+
+
+@hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
+def _job(composed: DictConfig) -> None:
+    try:
+        _run(composed)
+    except InputError as error:
+        # Here, and by SystemExit: an exception that leaves the job is announced by Hydra in lines of its own.
+        print(f"fdslam: {error}", file=sys.stderr)
+        sys.exit(USAGE_ERROR)
+
+
+def _run(composed: DictConfig) -> None:
+    config = to_config(composed)
+    check_surroundings(config)
+    # Only now: torch, OpenCV and the rest take seconds to import.
+    from fdslam.pipeline import run
+    from fdslam.provenance import Stopwatch
+    from fdslam.report import write_report
+
+    watch = Stopwatch()
+    outcome = run(config, watch)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    print(write_report(outcome, config, folder, watch))
+    print(f"\n{sum(watch.seconds.values()):.1f} s, written to {os.path.relpath(folder)}")
+
+
+def unknown_key(key: str) -> str:
+    """Return the line for a key that does not exist, with the nearest that do."""
+    keys = known_keys()
+    near = difflib.get_close_matches(key, keys, n=3) or [k for k in keys if k.split(".")[0] == key.split(".")[0]][:8]
+    hint = f"; near: {', '.join(near)}" if near else ""
+    return f"unknown key {key!r}{hint}; all keys: python -m fdslam.run --help"
+
+
+def known_keys() -> list[str]:
+    """Return every key of the schema, groups joined by dots."""
+
+    def walk(schema: type, prefix: str) -> list[str]:
+        found = []
+        for field in fields(schema):
+            inner = field.default_factory
+            if isinstance(inner, type) and is_dataclass(inner):
+                found += walk(inner, f"{prefix}{field.name}.")
+            else:
+                found.append(f"{prefix}{field.name}")
+        return found
+
+    data = [key for kind in (Folder, Campus) for key in walk(kind, "dataset.")]
+    return list(dict.fromkeys([*walk(Config, ""), *data]))
+
+
+def one_line(error: Exception) -> str:
+    """Return in one line what Hydra and OmegaConf spread over several."""
+    cause = error.__cause__
+    text = " ".join(str(error).split())
+    reason = str(cause).splitlines()[0] if cause is not None and str(cause) else ""
+    unknown = re.search(r"Could not override '([^']*)'", text)
+    if unknown and re.search(r"not in struct|Key '.*' not in", f"{text} {reason}"):
+        return unknown_key(unknown[1].lstrip("+"))
+    if option := re.search(
+        r"Could not find '([^/']+)/([^']+)' Available options in '[^']+': (.*?) Config search", text
+    ):
+        choices = ", ".join(name for name in option[3].split() if not name.startswith("base_"))
+        return f"{option[1]}={option[2]}: no such option, choose one of {choices}"
+    if merging := re.search(r"Error merging override (.*)", text):
+        return f"{merging[1]}: {reason or 'not possible'}"
+    text = re.sub(r"\s*See https://\S+.*", "", text)
+    return (
+        f"{text}; write KEY=VALUE, see python -m fdslam.run --help" if "override" in text or "input" in text else text
+    )
+
+
+def main() -> None:
+    """Run the command line; exits with 0, 2 (something the user can mend) or 130 (interrupted)."""
+    # Otherwise Hydra prints errors itself, over several lines, and exits with 1.
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    register()
+    try:
+        _job()
+    except (HydraException, OmegaConfBaseException) as error:
+        print(f"fdslam: {one_line(error)}", file=sys.stderr)
+        sys.exit(USAGE_ERROR)
+    except KeyboardInterrupt:
+        print("fdslam: interrupted; what is finished is kept, run again to go on", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

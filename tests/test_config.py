@@ -1,0 +1,103 @@
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from fdslam.config import METHODS, Bow, Campus, Config, Evaluation, Folder, Orb, part, register
+from fdslam.errors import InputError
+from fdslam.run import CONF, to_config
+
+EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
+register()
+
+
+def composed(*overrides):
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return to_config(compose("config", overrides=list(overrides)))
+
+
+def test_the_experiments_that_were_asked_for_exist():
+    assert {"fd", "ad", "pc", "fd_ad", "fd_pc", "fd_ad_pc", "table1"} <= set(EXPERIMENTS)
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+@pytest.mark.parametrize("data", [[], ["dataset=folder", "dataset.root=/data"]])
+def test_every_experiment_composes(experiment, data):
+    config = composed(f"+experiment={experiment}", *data)
+    assert config.name == experiment
+    assert config.mix.rows
+    assert isinstance(config.dataset, Folder if data else Campus)
+
+
+def options():
+    groups = [folder for folder in CONF.iterdir() if folder.is_dir() and folder.name not in ("experiment", "hydra")]
+    return sorted(f"{folder.name}={path.stem}" for folder in groups for path in folder.glob("*.yaml"))
+
+
+@pytest.mark.parametrize("option", options())
+def test_every_option_of_every_group_composes(option):
+    extra = ["dataset.root=/data"] if option == "dataset=folder" else []
+    composed(option, *extra)
+
+
+def test_table1_has_the_six_rows_of_the_paper():
+    assert composed("+experiment=table1").mix.rows == list(METHODS)
+
+
+def test_paper_mode_is_the_schema_s_default():
+    # The mode names its switches; the schema's defaults say the same, so that the library and the command agree.
+    config, plain = composed("mode=paper"), Config()
+    for group in ("bow", "fd", "ad", "pc", "mask", "evaluation", "obb"):
+        ours, default = getattr(config, group), getattr(plain, group)
+        assert {f.name: getattr(ours, f.name) for f in fields(ours)} == {
+            f.name: getattr(default, f.name) for f in fields(default)
+        }, group
+
+
+@pytest.mark.parametrize(
+    ("override", "named"),
+    [
+        ("bow.features=0", "bow.features=0"),
+        ("bow.ratio=1.5", "bow.ratio=1.5"),
+        ("ad.c=0", "ad.c=0"),
+        ("ad.c=nan", "ad.c=nan"),
+        ("fd.pooling=best", "fd.pooling=best"),
+        ("evaluation.X=[5,0]", "evaluation.X=0"),
+        ("mix.rows=[FD,XY]", "mix.rows=XY"),
+        ("dataset.map_images=0", "dataset.map_images=0"),
+        ("seed=-1", "seed=-1"),
+    ],
+)
+def test_a_value_out_of_range_is_named(override, named):
+    with pytest.raises(InputError, match=named.replace(".", r"\.")):
+        composed(override)
+
+
+def test_a_missing_value_is_named():
+    with pytest.raises(InputError, match=r"dataset\.root"):
+        composed("dataset=folder")
+
+
+def test_a_stage_is_addressed_by_its_own_fields_alone():
+    assert part(Bow(), Orb).keys() == {"features", "grid", "min_side", "fast_threshold"}
+
+
+def test_every_key_says_what_it_means():
+    def walk(cls):
+        for f in fields(cls):
+            if OmegaConf.is_missing(OmegaConf.structured(cls), f.name):
+                continue
+            if f.default_factory is not None and isinstance(f.default_factory, type):
+                yield from walk(f.default_factory)
+            else:
+                yield cls.__name__, f
+
+    silent = [(name, f.name) for name, f in walk(Config) if not f.metadata.get("help")]
+    assert silent == []
+
+
+def test_the_configuration_lies_beside_the_package():
+    assert (Path(CONF) / "config.yaml").is_file()
+    assert Evaluation().X == [5, 10, 15, 20]
