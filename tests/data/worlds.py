@@ -23,19 +23,19 @@ def write_csv(path, header, rows):
         csv.writer(file).writerows([header, *rows])
 
 
-def small_world(root, count=6, changed=(1, 3)):
-    """Write ``count`` places: the map as it is, the queries a little darker, with a pasted patch where changed."""
+def small_world(root, count=6, changed=(1, 3), light=0.8):
+    """Write ``count`` places: the map as it is, the queries in another light, with a pasted patch where changed."""
     for folder in ("map", "query", "labels"):
         (root / folder).mkdir(parents=True)
-    images, annotations, rng = [], [], np.random.default_rng(9)
+    images, annotations = [], []
     for i in range(count):
         place = texture(i)
         Image.fromarray(place).save(root / "map" / f"{i:02d}.png")
-        query = (place * 0.8).astype(np.uint8)
+        query = (place * light).astype(np.uint8)
         labels = np.full(query.shape[:2], 2, np.uint8)
         labels[:30] = 0  # sky
         if i in changed:
-            query[60:100, 40:80] = rng.integers(0, 256, (40, 40, 3))
+            query[60:100, 40:80] = texture(100 + i)[60:100, 40:80]
             labels[60:100, 40:80] = 4
             annotations.append({"id": len(annotations), "image_id": i, "category_id": 0, "bbox": [40, 60, 40, 40]})
         Image.fromarray(query).save(root / "query" / f"{i:02d}.png")

@@ -1,0 +1,23 @@
+"""Data sets: a plain dict from the configuration's name to a loader."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fdslam import config
+from fdslam.data.embedded import load_campus
+from fdslam.data.folder import read_folder
+from fdslam.store import Store
+from fdslam.types import Dataset
+
+
+def _load_folder(settings: config.Folder, store: Store, workers: int) -> Dataset:
+    return read_folder(settings.root, settings)
+
+
+DATASETS: dict[str, Callable[..., Dataset]] = {"folder": _load_folder, "campus": load_campus}
+
+
+def load_dataset(settings: config.Dataset, store: Store, workers: int) -> Dataset:
+    """Return the data set that the configuration names, rendering the embedded world if it is not there yet."""
+    return DATASETS[settings.kind](settings, store, workers)
