@@ -140,6 +140,7 @@ class Keypoints(Checked):
 
     keypoints: int = option(1500, "the strongest keypoints kept per image", low=1, high=100_000)
     harris_k: float = option(0.04, "k of det - k tr²", low=0, high=0.25)
+    min_side: int = option(720, "upscale images whose shorter side is below this, pixels; 0: never", low=0, high=8192)
     sigma: float = option(1.5, "the finest integration scale σ_I, pixels", low=1, high=16)
     scale_step: float = option(1.4, "ratio of neighbouring scales", low=1.05, high=2)
     scales: int = option(8, "number of scales, the two outermost only compared with", low=3, high=32)

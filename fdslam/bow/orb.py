@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.config import Orb
+from fdslam.data.images import enlarge
 from fdslam.types import Features, Image
 
 PROPOSED = 8  # times the wanted number of features, before the grid chooses
@@ -40,11 +41,8 @@ def take_turns(cell: NDArray[np.int64], response: NDArray[np.float32], wanted: i
 
 def extract(image: Image, config: Orb) -> Features:
     """Return the ORB features of an image (uint8 RGB [H, W, 3]); there may be none (a blank wall)."""
-    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-    height, width = grey.shape
-    scale = max(1.0, config.min_side / min(height, width))
-    if scale > 1:
-        grey = cv2.resize(grey, (round(width * scale), round(height * scale)), interpolation=cv2.INTER_LINEAR)
+    height, width = image.shape[:2]
+    grey, stretch = enlarge(np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8), config.min_side)
     spread = config.grid > 0
     wanted = config.features * (PROPOSED if spread else 1)
     orb = cv2.ORB.create(nfeatures=wanted, fastThreshold=config.fast_threshold)
@@ -63,7 +61,6 @@ def extract(image: Image, config: Orb) -> Features:
     if descriptors is None:
         return NOTHING
     # OpenCV counts from the centre of the first pixel, this project from its corner.
-    stretch = np.array([grey.shape[1] / width, grey.shape[0] / height], np.float32)
     xy = (_positions(keypoints) + np.float32(0.5)) / stretch
     last = np.nextafter(np.array([width, height], np.float32), np.float32(0))
     return Features(np.clip(xy, 0, last).astype(np.float32), np.asarray(descriptors, np.uint8))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pillow
@@ -70,6 +71,25 @@ def read_image(path: Path) -> Image:
         if image.mode.startswith(("I", "F")):
             raise InputError(f"{path}: more than 8 bit a channel (mode {image.mode}); convert it to 8 bit first")
         return np.array(ImageOps.exif_transpose(image).convert("RGB"))
+
+
+def enlarge(image: NDArray[np.uint8], min_side: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Upscale an image whose shorter side is below ``min_side``: small images have too few keypoints otherwise.
+
+    Args:
+        image: uint8 [H, W] or [H, W, 3].
+        min_side: pixels; 0 leaves every image as it is.
+
+    Returns:
+        The image, and how many of its pixels make one of the original: float32 [2], x and y.
+    """
+    height, width = image.shape[:2]
+    scale = min_side / min(height, width)
+    if scale <= 1:
+        return image, np.ones(2, np.float32)
+    size = round(width * scale), round(height * scale)
+    larger = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+    return larger, np.array([size[0] / width, size[1] / height], np.float32)
 
 
 def read_labels(path: Path, height: int, width: int) -> NDArray[np.uint8]:

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 from fdslam.config import Keypoints, Pc, part
 from fdslam.context import Context, load
-from fdslam.data.images import read_image
+from fdslam.data.images import enlarge, read_image
 from fdslam.harris_laplace import harris_laplace, sift
 from fdslam.store import Arrays, Key, Stage
 from fdslam.types import CELL, Cells, Frame, grid_shape
@@ -102,9 +102,10 @@ def detect(context: Context) -> list[Cells]:
         return FEATURES.key(settings, [frame.digest])
 
     def extract(frame: Frame) -> Arrays:
-        image = read_image(frame.path)
+        image, stretch = enlarge(read_image(frame.path), config.min_side)
         keypoints = harris_laplace(image, config)
-        return {"xy": keypoints.xy, "sift": sift(image, keypoints).astype(np.uint8)}  # whole numbers up to 255
+        xy = np.floor((keypoints.xy + np.float32(0.5)) / stretch)
+        return {"xy": xy, "sift": sift(image, keypoints).astype(np.uint8)}  # whole numbers up to 255
 
     def features(frame: Frame) -> Arrays:
         return load(context.store, FEATURES, key_of(frame), partial(extract, frame))

@@ -40,7 +40,7 @@ NOON = Light(
 )  # fmt: skip
 EVENING = Light(
     azimuth=0.5, elevation=0.42, sun=(0.74, 0.56, 0.36), ambient=(0.46, 0.48, 0.56), zenith=(112, 130, 172),
-    horizon=(240, 206, 168), clouds=0.7, exposure=1.16, balance=(1.05, 0.99, 0.92), gamma=1.08, noise=5.0, haze=150.0,
+    horizon=(240, 206, 168), clouds=0.7, exposure=1.16, balance=(1.05, 0.99, 0.92), gamma=1.08, noise=2.5, haze=220.0,
 )  # fmt: skip
 
 
