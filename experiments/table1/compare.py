@@ -1,6 +1,6 @@
 """Put tables of runs beside the paper's Table I, as Markdown.
 
-    python -m experiments.table1.compare outputs/table1/*/table.json
+python -m experiments.table1.compare outputs/table1/*/table.json
 """
 
 from __future__ import annotations

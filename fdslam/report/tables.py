@@ -24,19 +24,31 @@ def _areas(row: Row) -> dict[str, Figure | None]:
     return {"AUROC": row.auroc, "lc-AUROC": row.lc_auroc, "AP": row.ap, "F1-max": row.f1_max}
 
 
-def _grid(outcome: Outcome, config: Config) -> Grid:
-    """Head and one line per method and control; accuracies of the configured pool."""
+def _compact(figure: Figure | None) -> str:
+    """Percent with an interval in whole percents: a terminal is narrow, and no interval is known better."""
+    return NOTHING if figure is None else f"{figure.value:.1f} ({figure.low:.0f}–{figure.high:.0f})"
+
+
+def _value(figure: Figure | None) -> str:
+    return NOTHING if figure is None else f"{figure.value:.3f}"
+
+
+def _grid(outcome: Outcome, config: Config, compact: bool) -> Grid:
+    """Head and one line per method and control; accuracies of the configured pool.
+
+    ``compact`` is for terminals: intervals only where a decision hangs on them, and no F1-max.
+    """
     percents = sorted(set(config.evaluation.X))
-    head = ["method", *(f"X = {x} %" for x in percents), "AUROC", "lc-AUROC", "AP", "F1-max", "solo", "co"]
-    lines = [head]
+    names = ["AUROC", "lc-AUROC", "AP"] if compact else ["AUROC", "lc-AUROC", "AP", "F1-max"]
+    lines = [["method", *(f"X = {x} %" for x in percents), *names, "solo", "co"]]
     for row in outcome.rows:
         accuracy = row.pooled if config.evaluation.pool == "all" else row.per_query
-        lead = outcome.leaders.get(row.method)
+        areas, lead = _areas(row), outcome.leaders.get(row.method)
         lines.append(
             [
                 row.method,
-                *(_figure(accuracy[x], 1) for x in percents),
-                *(_figure(area, 3) for area in _areas(row).values()),
+                *(_compact(accuracy[x]) if compact else _figure(accuracy[x], 1) for x in percents),
+                *(_value(areas[n]) if compact and n != "lc-AUROC" else _figure(areas[n], 3) for n in names),
                 *((f"{lead.solo:.1f}", f"{lead.co:.1f}") if lead else (NOTHING, NOTHING)),
             ]
         )
@@ -70,7 +82,7 @@ def table_text(outcome: Outcome, config: Config) -> str:
     """Return the table for a terminal."""
     lines = summary(outcome, config)
     if outcome.rows:
-        grid = _grid(outcome, config)
+        grid = _grid(outcome, config, compact=True)
         widths = [max(map(len, column)) for column in zip(*grid, strict=True)]
         lines.append("")
         for i, cells in enumerate(grid):
@@ -87,7 +99,7 @@ def table_markdown(outcome: Outcome, config: Config) -> str:
     """Return the table as Markdown."""
     lines = [*(f"{line}  " for line in summary(outcome, config)), ""]
     if outcome.rows:
-        head, *rest = _grid(outcome, config)
+        head, *rest = _grid(outcome, config, compact=False)
         lines += [f"| {' | '.join(head)} |", f"|---|{'---:|' * (len(head) - 1)}"]
         lines += [f"| {' | '.join(cells)} |" for cells in rest]
     return "\n".join(lines) + "\n"
