@@ -38,6 +38,8 @@ class Checked:
             value, meta = getattr(self, f.name), f.metadata
             group = type(self).__name__.lower() if self.group is None else self.group
             where = f"{group}.{f.name}".lstrip(".")
+            if value == []:
+                raise InputError(f"{where}=[]: name at least one")
             for item in value if isinstance(value, list) else [value]:
                 if item == MISSING and isinstance(item, str):
                     continue

@@ -83,8 +83,16 @@ class BowMap:
             stored.append(words)
         return vocabulary, InvertedFile(stored, len(vocabulary))
 
-    def words(self, frame: Frame) -> Arrays:
-        """Match a query's descriptors to words."""
+    @property
+    def index(self) -> InvertedFile:
+        """The inverted file of all map images."""
+        return self._learned[1]
+
+    def words(self, frame: Frame) -> NDArray[np.int32]:
+        """Return the word of every keypoint of a query, int32 [n], NO_WORD where the ratio test fails."""
+        return load(self.store, WORDS, self._words_key(frame), partial(self._match, frame))["words"]
+
+    def _match(self, frame: Frame) -> Arrays:
         return {"words": self._learned[0].match(self.features.load(frame).descriptors)}
 
     def localize(self, queries: Sequence[Frame], library: str) -> tuple[list[Key], list[Localization]]:
@@ -103,7 +111,7 @@ class BowMap:
     def _localize_missing(self, missing: list[Frame], keys: dict[Frame, Key], library: str) -> None:
         assert self._learned  # learned once here, before threads ask for it
         self.features.ensure(missing, "features of the queries")
-        jobs = {self._words_key(frame): partial(self.words, frame) for frame in missing}
+        jobs = {self._words_key(frame): partial(self._match, frame) for frame in missing}
         ensure(self.store, WORDS, jobs, self.workers, "words of the queries")
         lists = {keys[frame]: partial(self._localize, frame, library) for frame in missing}
         ensure(self.store, LOCALIZATION, lists, self.workers, "localisation")
@@ -113,8 +121,7 @@ class BowMap:
 
     def _localize(self, frame: Frame, library: str) -> Arrays:
         boxes = library_boxes(library, read_image(frame.path))
-        words = load(self.store, WORDS, self._words_key(frame), partial(self.words, frame))["words"]
-        found = localize(self._learned[1], boxes, self.features.load(frame).xy, words, self.config)
+        found = localize(self.index, boxes, self.features.load(frame).xy, self.words(frame), self.config)
         compact = np.uint16 if len(self.frames) < 1 << 16 else np.int32
         source = "+".join(found.boxes.source).encode()
         return {

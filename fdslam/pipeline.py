@@ -53,6 +53,7 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     store = Store(config.store)
     with watch.stage("data"):
         dataset = load_dataset(config.dataset, store, config.workers)
+        _check_truth(config, dataset)
         masks = load_masks(dataset, config.mask)
     with watch.stage("map and localisation"):
         bow = BowMap(dataset.map, config.bow, store, config.workers)
@@ -75,15 +76,24 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     return Outcome(dataset, tuple(localizations), hypotheses, recall, maps, tuple(rows), lead)
 
 
-def _hypotheses(config: Config, dataset: Dataset, found: list[Localization]) -> tuple[NDArray[np.int64], ...]:
-    """Top-Y of the strong list or, for ``viewpoint: true``, of the true place (empty where the map lacks it)."""
-    if config.evaluation.viewpoint == "predicted":
-        return tuple(one.strong[: config.evaluation.Y].astype(np.int64) for one in found)
-    if dataset.relevant is None:
+def _check_truth(config: Config, dataset: Dataset) -> None:
+    """Find at the start, not after an hour, that the configuration wants truth which the data set does not have."""
+    if config.evaluation.viewpoint == "true" and dataset.relevant is None:
         raise InputError(
             f"evaluation.viewpoint=true: {dataset.name} has no place ground truth; add map.csv and pairs.csv to the "
             "data set or run with evaluation.viewpoint=predicted"
         )
+    if config.ad.places == "pose" and dataset.poses is None and any("AD" in row for row in config.mix.rows):
+        raise InputError(
+            f"ad=pose: {dataset.name} has no poses; add x, y, heading to map.csv or choose ad=appearance or ad=time"
+        )
+
+
+def _hypotheses(config: Config, dataset: Dataset, found: list[Localization]) -> tuple[NDArray[np.int64], ...]:
+    """Top-Y of the strong list or, for ``viewpoint: true``, of the true place (empty where the map lacks it)."""
+    if config.evaluation.viewpoint == "predicted":
+        return tuple(one.strong[: config.evaluation.Y].astype(np.int64) for one in found)
+    assert dataset.relevant is not None  # by _check_truth
     return tuple(places[: config.evaluation.Y] for places in dataset.relevant)
 
 

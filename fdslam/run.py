@@ -64,6 +64,11 @@ def check_surroundings(config: Config) -> None:
         raise InputError(f"dataset.root={root}: no such folder; give the folder that holds map/ and query/")
     if not re.fullmatch(r"cpu|cuda(:\d+)?", config.device):
         raise InputError(f"device={config.device}: choose cpu or cuda")
+    if config.device != "cpu":
+        import torch  # takes seconds, so only where it is asked for
+
+        if not torch.cuda.is_available():
+            raise InputError(f"device={config.device}: torch finds no CUDA device here; run with device=cpu")
     store = Path(config.store)
     try:
         store.mkdir(parents=True, exist_ok=True)

@@ -94,6 +94,11 @@ def code_version(module: str) -> str:
     return digest(sorted(sources.items()))
 
 
+@cache
+def _version(distribution: str) -> str:
+    return importlib.metadata.version(distribution)
+
+
 @dataclass(frozen=True)
 class Stage:
     """A named step whose results are stored: its code and the libraries that decide its numbers."""
@@ -104,7 +109,7 @@ class Stage:
 
     def key(self, config: Mapping[str, Any], inputs: Iterable[str]) -> Key:
         """Return the address of the artefact made from ``inputs`` (keys and digests) under ``config``."""
-        versions = [[name, importlib.metadata.version(name)] for name in self.libraries]
+        versions = [[name, _version(name)] for name in self.libraries]
         return digest([self.name, code_version(self.module), versions, dict(config), list(inputs)])
 
 

@@ -38,6 +38,7 @@ def command(*arguments, cwd=ROOT, python=sys.executable):
         (["evaluation.Y=0"], "evaluation.Y=0: out of range, it must be 1 to 1000"),
         (["obb.library=J+Q"], "unknown source 'Q', choose from A, B"),
         (["device=tpu"], "device=tpu: choose cpu or cuda"),
+        (["evaluation.X=[2.5]"], "evaluation.X=[2.5]: "),
         (["store=/proc/store"], "store=/proc/store: cannot be made"),
         (["nonsense"], "missing EQUAL"),
     ],

@@ -26,7 +26,6 @@ from fdslam.autoencoder import (
 from fdslam.config import Autoencoder, Places, part
 from fdslam.context import Context, ensure, load
 from fdslam.data.images import read_image
-from fdslam.errors import InputError
 from fdslam.places import global_descriptor, place_classes, pose_vectors, time_vectors
 from fdslam.store import Arrays, Key, Stage
 from fdslam.types import Cells, Frame, grid_shape
@@ -43,10 +42,7 @@ def _vectors(context: Context) -> NDArray[np.floating]:
     if settings.places == "time":
         return time_vectors(data.times)
     if settings.places == "pose":
-        if data.poses is None:
-            raise InputError(
-                f"ad=pose: {data.name} has no poses; add x, y, heading to map.csv or choose ad=appearance or ad=time"
-            )
+        assert data.poses is not None  # the pipeline has checked what the configuration wants
         return pose_vectors(data.poses)
 
     def describe(frame: Frame) -> Arrays:

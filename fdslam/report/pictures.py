@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -24,7 +23,7 @@ from fdslam.progress import progress
 from fdslam.store import write_atomically
 from fdslam.types import CELL
 
-PANEL = 2.6  # inches, the longer side of a panel
+PANEL, GAP, TITLE, BAR = 2.6, 0.08, 0.24, 0.5  # inches: longer side of a panel, between panels, above, colour bar
 TRUTH, BOX = "#00e5ff", "#ffb000"  # safe for the colour-blind, visible on photographs
 
 
@@ -64,6 +63,20 @@ def _outline(axes: Axes, boxes: NDArray[np.float32], colour: str, width: float) 
         axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, linewidth=width))
 
 
+def _panels(count: int, aspect: float) -> tuple[Figure, list[Axes], Axes]:
+    """Return a figure with ``count`` panels in a row and a narrow one for the colour bar.
+
+    Their places are computed: matplotlib's layout engines take longer than the drawing.
+    """
+    width, height = PANEL * min(1, aspect), PANEL / max(1, aspect)
+    total, top = count * (width + GAP) + BAR, height + TITLE
+    figure = Figure(figsize=(total, top), dpi=110)
+    FigureCanvasAgg(figure)
+    lefts = [(GAP / 2 + i * (width + GAP)) / total for i in range(count + 1)]
+    panels = [figure.add_axes((left, 0.02, width / total, height / top)) for left in lefts[:-1]]
+    return figure, panels, figure.add_axes((lefts[-1], 0.06, 0.1 / total, 0.88 * height / top))
+
+
 def draw_query(outcome: Outcome, heat: dict[str, Maps], query: int) -> bytes:
     """Return the picture of one query as PNG: the query with truth and OBBs, the top map image, a heat map a method.
 
@@ -76,12 +89,8 @@ def draw_query(outcome: Outcome, heat: dict[str, Maps], query: int) -> bytes:
     frame = data.query[query]
     image = read_image(frame.path)
     truth = data.boxes[query] if data.boxes is not None else np.zeros((0, 4), np.float32)
-    aspect = frame.width / frame.height
-    size = (PANEL * min(1, aspect), PANEL / max(1, aspect))
     count = 2 + len(heat)
-    figure = Figure(figsize=(size[0] * count + 0.5, size[1] + 0.3), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes: Sequence[Axes] = figure.subplots(1, count)
+    figure, axes, bar = _panels(count, frame.width / frame.height)
     _show(axes[0], image, f"{frame.name}: {len(truth)} changed")
     _outline(axes[0], outcome.localizations[query].boxes.xyxy, BOX, 0.4)
     _outline(axes[0], truth, TRUTH, 1.4)
@@ -105,11 +114,10 @@ def draw_query(outcome: Outcome, heat: dict[str, Maps], query: int) -> bytes:
         panel.set_xlim(0, frame.width)
         panel.set_ylim(frame.height, 0)
         _outline(panel, truth, TRUTH, 1.0)
-    bar = figure.colorbar(drawn, ax=axes[-1], fraction=0.08, pad=0.02)
-    bar.set_label("LoC, place among all cells", fontsize=6)
-    bar.ax.tick_params(labelsize=5)
+    figure.colorbar(drawn, cax=bar).set_label("LoC, place among all cells", fontsize=6)
+    bar.tick_params(labelsize=5)
     png = BytesIO()
-    figure.savefig(png, format="png")
+    figure.savefig(png, format="png", pil_kwargs={"compress_level": 3})
     return png.getvalue()
 
 

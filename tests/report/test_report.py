@@ -1,0 +1,102 @@
+"""Tables and pictures of a small world: what they say is read back and compared with the outcome itself."""
+
+import csv
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.stats import rankdata
+
+from experiments.table1.compare import comparison
+from fdslam.config import Report
+from fdslam.pipeline import run
+from fdslam.provenance import Stopwatch
+from fdslam.report import write_report
+from fdslam.report.pictures import percentiles, rank_queries
+from fdslam.report.tables import table_csv, table_json, table_markdown, table_text
+from tests.data.worlds import small_world
+from tests.test_pipeline import config_for, folder
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    base = tmp_path_factory.mktemp("report")
+    config = config_for(folder(small_world(base / "wörld <b> $x$")), base / "store", report=Report(pictures=2))
+    return config, run(config, Stopwatch()), base
+
+
+def test_csv_json_and_markdown_say_what_was_found(made):
+    config, outcome, _ = made
+    table = table_json(outcome, config, 1.5)
+    assert json.loads(json.dumps(table, allow_nan=False)) == table
+    lines = list(csv.DictReader(io.StringIO(table_csv(outcome, config))))
+    for row, entry in zip(outcome.rows, table["rows"], strict=True):
+        mine = {(line["pool"], line["figure"]): line for line in lines if line["method"] == row.method}
+        for x, figure in row.pooled.items():
+            assert entry["pooled"][str(x)]["value"] == figure.value == float(mine["all", f"top-{x}"]["value"])
+        for x, figure in row.per_query.items():
+            assert entry["per_query"][str(x)]["high"] == figure.high == float(mine["query", f"top-{x}"]["high"])
+        assert float(mine["all", "lc-AUROC"]["low"]) == row.lc_auroc.low
+        assert f"| {row.method} | {row.pooled[5].value:.1f} (" in table_markdown(outcome, config)
+        assert f"{row.pooled[20].value:.1f} (" in table_text(outcome, config)
+    leaders = {line["method"]: line["value"] for line in lines if line["figure"] == "solo-leader"}
+    assert leaders == {name: str(lead.solo) for name, lead in outcome.leaders.items()}
+
+
+def test_the_pool_of_the_configuration_is_shown(made):
+    config, outcome, _ = made
+    within = replace(config, evaluation=replace(config.evaluation, pool="query"))
+    row = outcome.rows[0]
+    assert f"| FD | {row.per_query[5].value:.1f} (" in table_markdown(outcome, within)
+    assert "within each query" in table_text(outcome, within)
+
+
+def test_figures_that_are_undefined_are_dashes_and_nulls(made):
+    config, outcome, _ = made
+    rows = tuple(replace(row, lc_auroc=None, pooled=dict.fromkeys(row.pooled)) for row in outcome.rows)
+    nothing = replace(outcome, rows=rows, leaders={}, recall=dict.fromkeys(outcome.recall))
+    assert table_json(nothing, config, 0)["rows"][0]["lc_auroc"] == {"value": None, "low": None, "high": None}
+    assert "| FD | – | – | – | – |" in table_markdown(nothing, config)
+    assert "no place ground truth" in table_text(nothing, config)
+    assert "nothing is evaluated" in table_text(replace(outcome, rows=()), config)
+
+
+def test_beside_the_paper(made):
+    config, outcome, _ = made
+    text = comparison([table_json(outcome, config, 0)])
+    assert "| FD | 7.8 / 15.8 / 27.2 / 39.6 | " in text
+    assert "| centre blob | – | " in text
+
+
+def test_report_writes_pictures_that_show_the_query(made, tmp_path):
+    config, outcome, _ = made
+    write_report(outcome, config, tmp_path, Stopwatch())
+    names = sorted(path.name for path in (tmp_path / "pictures").iterdir())
+    assert names == ["best_01.png", "best_02.png", "worst_01.png", "worst_02.png"]
+    for name in names:
+        pixels = np.array(Image.open(tmp_path / "pictures" / name).convert("RGB"))
+        assert pixels.shape[1] > 3 * pixels.shape[0]  # a row of panels
+        assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 500
+    assert "pictures" in json.loads((tmp_path / "run.json").read_text())["seconds"]
+
+
+def test_percentiles_are_ranks_over_the_pool():
+    maps = [np.array([[3.0, 1.0]]), np.array([[2.0], [3.0]])]
+    found = np.concatenate([m.ravel() for m in percentiles(maps)])
+    assert np.allclose(found, (rankdata([3, 1, 2, 3]) - 0.5) / 4)
+
+
+def test_queries_go_from_best_to_worst(made):
+    _, outcome, _ = made
+    shape = outcome.maps["FD"][0].shape
+    right = [np.zeros(shape) for _ in range(6)]
+    right[1][6:10, 4:8] = 1  # the change of query 1 stands out
+    right[3][:] = 1
+    right[3][6:10, 4:8] = 0  # that of query 3 is the only thing that does not
+    ranked = rank_queries(outcome, right)
+    assert ranked[0] == 1
+    assert ranked[-1] == 3
+    assert rank_queries(replace(outcome, dataset=replace(outcome.dataset, boxes=None)), right) == []

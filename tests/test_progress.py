@@ -1,0 +1,56 @@
+import threading
+import time
+from functools import partial
+
+import pytest
+
+from fdslam.progress import in_parallel, progress, worker_count
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_every_job_runs_once(workers):
+    done = []
+    assert sorted(in_parallel((partial(lambda i: done.append(i) or i, i) for i in range(20)), workers)) == list(
+        range(20)
+    )
+    assert sorted(done) == list(range(20))
+
+
+def test_an_error_ends_it_and_the_rest_is_not_begun():
+    begun = []
+
+    def job(i):
+        begun.append(i)
+        if i == 2:
+            raise ValueError("third")
+        time.sleep(0.01)
+
+    with pytest.raises(ValueError, match="third"):
+        list(in_parallel((partial(job, i) for i in range(500)), 2))
+    assert len(begun) < 20
+
+
+def test_few_jobs_are_in_hand_at_a_time():
+    taken, gate = [], threading.Event()
+
+    def jobs():
+        for i in range(100):
+            taken.append(i)
+            yield partial(gate.wait, 5)
+
+    results = in_parallel(jobs(), 2)
+    threading.Timer(0.2, lambda: (taken.append("open"), gate.set())).start()
+    next(results)
+    assert taken.index("open") <= 4
+
+
+def test_plain_lines_without_a_terminal(capsys):
+    assert list(progress(iter("abc"), 3, "letters")) == ["a", "b", "c"]
+    assert "letters: 3/3 in" in capsys.readouterr().err
+    assert list(progress(iter(""), 0, "nothing")) == []
+    assert capsys.readouterr().err == ""
+
+
+def test_workers_default_to_the_cores():
+    assert worker_count(3) == 3
+    assert worker_count(0) >= 1
