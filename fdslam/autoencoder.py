@@ -19,8 +19,9 @@ from torch import Tensor, nn
 from torch.nn.utils import skip_init
 
 from fdslam.config import Autoencoder
+from fdslam.coverage import cell_maximum
 from fdslam.errors import InputError
-from fdslam.types import CELL, Cells, Image, grid_shape
+from fdslam.types import Cells, Image
 
 BLOCKS = 4  # stride-2 blocks of the encoder
 STEP = 2**BLOCKS  # pixels; the sides of the input are multiples of this
@@ -291,7 +292,4 @@ def error_to_cells(error: NDArray[np.float32], height: int, width: int) -> Cells
     ``error`` [h, w] float32, at the AE's resolution, is resized bilinearly between pixel centres; a cell takes the
     maximum of its pixels.
     """
-    rows, columns = grid_shape(height, width)
-    padded = np.full((rows * CELL, columns * CELL), -np.inf, dtype=np.float32)  # below any pixel of a partial cell
-    padded[:height, :width] = cv2.resize(error, (width, height), interpolation=cv2.INTER_LINEAR)
-    return padded.reshape(rows, CELL, columns, CELL).max(axis=(1, 3))
+    return cell_maximum(np.asarray(cv2.resize(error, (width, height), interpolation=cv2.INTER_LINEAR), np.float32))

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any, ClassVar
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING
+from omegaconf import MISSING, OmegaConf
 
 from fdslam.errors import InputError
 
+_PACKED, _CHECKOUT = Path(__file__).parent / "conf", Path(__file__).parent.parent / "conf"
+CONF = _PACKED if _PACKED.is_dir() else _CHECKOUT  # in a wheel, or in a checkout
 METHODS = ("FD", "PC", "AD", "FD+AD+PC", "FD+AD", "FD+PC")  # Table I, top to bottom
 
 
@@ -40,6 +43,8 @@ class Checked:
             where = f"{group}.{f.name}".lstrip(".")
             if value == []:
                 raise InputError(f"{where}=[]: name at least one")
+            if isinstance(value, list) and len(set(value)) < len(value):
+                raise InputError(f"{where}={value}: something is named twice")
             for item in value if isinstance(value, list) else [value]:
                 if item == MISSING and isinstance(item, str):
                     continue
@@ -69,18 +74,26 @@ class Dataset(Checked):
 class Folder(Dataset):
     """A folder with map/, query/ and, where known, annotations.json, map.csv, pairs.csv and labels/."""
 
+    kind: str = option("folder", "this data set", choices=("folder",))
     root: str = MISSING
 
 
 @dataclass
-class Campus(Dataset):
-    """The embedded world: rendered on first use, deterministic in its seed and sizes."""
+class Rendering(Checked):
+    """What decides how the embedded world looks."""
 
-    seed: int = option(0, "which campus", low=0)
+    seed: int = option(0, "which campus", low=0, high=2**32 - 1)
     map_images: int = option(96, "images of the map session", low=1)
     query_images: int = option(72, "images of the query session", low=1)
     width: int = option(308, "image width, pixels", low=64, high=4096)
     height: int = option(404, "image height, pixels", low=64, high=4096)
+
+
+@dataclass
+class Campus(Rendering, Dataset):
+    """The embedded world: rendered on first use, deterministic in its seed and sizes."""
+
+    kind: str = option("campus", "this data set", choices=("campus",))
 
 
 @dataclass
@@ -111,7 +124,9 @@ class Vocabulary(Checked):
 class Retrieval(Checked):
     """Weak lists."""
 
-    score: str = option("ibow", "n_jw² idf c | n_jw idf c | presence only", choices=("ibow", "tfidf", "binary"))
+    score: str = option(
+        "ibow", "Σ over words of n_jw² idf c | n_jw idf c | idf of those present", choices=("ibow", "tfidf", "binary")
+    )
     unretrieved: str = option(
         "last", "rank of images with score 0: M, or next after the others", choices=("last", "next")
     )
@@ -143,7 +158,7 @@ class Keypoints(Checked):
     keypoints: int = option(1500, "the strongest keypoints kept per image", low=1, high=100_000)
     harris_k: float = option(0.04, "k of det - k tr²", low=0, high=0.25)
     min_side: int = option(720, "upscale images whose shorter side is below this, pixels; 0: never", low=0, high=8192)
-    sigma: float = option(1.5, "the finest integration scale σ_I, pixels", low=1, high=16)
+    sigma: float = option(1.5, "the finest integration scale σ_I, pixels of the upscaled image", low=1, high=16)
     scale_step: float = option(1.4, "ratio of neighbouring scales", low=1.05, high=2)
     scales: int = option(8, "number of scales, the two outermost only compared with", low=3, high=32)
 
@@ -188,7 +203,7 @@ class Autoencoder(Checked):
 class Ad(Places, Autoencoder):
     """Anomaly detection (METHOD §7)."""
 
-    c: float = option(0.8, "normaliser coefficient of z = (RE - μ) / (c σ)", low=1e-6)
+    c: float = option(0.8, "normaliser coefficient of z = (RE - μ) / (c σ)", low=1e-6, high=1e6)
     hypotheses: str = option(
         "top1", "the AE of the best hypothesis, or the smallest z over the top Y", choices=("top1", "min")
     )
@@ -247,7 +262,9 @@ class Config(Checked):
 
     name: str = option("run", "names the output folder")
     mode: str = option("paper", "named set of switches", choices=("paper",))
-    seed: int = option(0, "of everything random: k-means, autoencoders, ties, controls, bootstrap", low=0)
+    seed: int = option(
+        0, "of everything random: k-means, autoencoders, ties, controls, bootstrap", low=0, high=2**32 - 1
+    )
     workers: int = option(0, "parallel workers; 0: one per core. Never changes a result", low=0, high=1024)
     device: str = option("cpu", "where torch runs: cpu or cuda")
     store: str = option("outputs/store", "folder of the artefacts that a second run reuses")
@@ -269,6 +286,19 @@ def register() -> None:
     store.store(name="schema", node=Config)
     for name, node in (("base_folder", Folder), ("base_campus", Campus)):
         store.store(group="dataset", name=name, node=node)
+
+
+def deviations(config: Config) -> dict[str, Any]:
+    """Return the keys, and their values, in which a configuration is not what its mode says."""
+    mode = OmegaConf.to_container(OmegaConf.load(CONF / "mode" / f"{config.mode}.yaml"))
+    assert isinstance(mode, dict)
+    found = {}
+    for group, switches in mode.items():
+        for key, value in switches.items() if isinstance(switches, dict) else ():
+            ours = getattr(getattr(config, str(group)), str(key))
+            if ours != value:
+                found[f"{group}.{key}"] = ours
+    return found
 
 
 def part(config: Any, base: type) -> dict[str, Any]:

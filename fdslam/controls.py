@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter
 
+from fdslam.coverage import Coverage
 from fdslam.metrics.seeds import generator
 from fdslam.types import CELL, Cells, grid_shape
 
@@ -77,16 +78,9 @@ def objectness(boxes: ArrayLike, height: int, width: int) -> Cells:
         height: of the image, pixels.
         width: of the image, pixels.
     """
-    # pixel x belongs to a box when x0 <= x < x1: the first is ceil(x0), the first beyond is ceil(x1)
-    edges = np.ceil(np.asarray(boxes, dtype=np.float64).reshape(-1, 4))
-    x0, y0, x1, y1 = np.clip(edges, 0, (width, height, width, height)).astype(np.int64).T
-    x1, y1 = np.maximum(x1, x0), np.maximum(y1, y0)
-    corners = np.zeros((height + 1, width + 1), dtype=np.int64)
-    for y, x, sign in ((y0, x0, 1), (y0, x1, -1), (y1, x0, -1), (y1, x1, 1)):
-        np.add.at(corners, (y, x), sign)
-    count = corners.cumsum(axis=0).cumsum(axis=1)[:height, :width]
-    rows = np.maximum.reduceat(count, np.arange(0, height, CELL), axis=0)
-    return np.maximum.reduceat(rows, np.arange(0, width, CELL), axis=1).astype(np.float32)
+    own = np.asarray(boxes, dtype=np.float32).reshape(-1, 4)
+    coverage = Coverage(own, height, width)
+    return coverage.cells(coverage.paint(np.ones(len(own), np.int64))).astype(np.float32)
 
 
 CONTROLS: dict[str, Callable[[str, int, int, int], Cells]] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,27 @@ def strong_list(ranks: NDArray[np.int32]) -> NDArray[np.int32]:
         int32 [M].
     """
     relevance = reciprocal(ranks).sum(axis=0)
-    return np.argsort(-relevance, kind="stable").astype(np.int32)
+    order = np.argsort(-relevance, kind="stable")
+    # Each reciprocal is rounded by up to half a unit: sums within len(ranks) units may be equal or the other way.
+    falling = relevance[order]
+    ends = np.flatnonzero(np.append(falling[:-1] - falling[1:] > len(ranks), True)) + 1
+    begins = np.concatenate([[0], ends[:-1]])
+    for begin, end in zip(begins, ends, strict=True):
+        if end - begin > 1 and falling[begin] > 0:
+            order[begin:end] = _exact_order(ranks, order[begin:end])
+    return order.astype(np.int32)
+
+
+def _exact_order(ranks: NDArray[np.int32], images: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the images by falling Σ_j 1 / r_j in exact fractions; ties by id. Equal multisets of ranks are one sum."""
+    columns = np.sort(ranks[:, images], axis=0)
+    distinct, which = np.unique(columns, axis=1, return_inverse=True)
+    if distinct.shape[1] == 1:
+        return np.sort(images)
+    sums = [sum(Fraction(1, int(rank)) for rank in column) for column in distinct.T]
+    places = {value: place for place, value in enumerate(sorted(set(sums), reverse=True))}
+    place = np.array([places[value] for value in sums])[which.reshape(-1)]
+    return images[np.lexsort((images, place))]
 
 
 def localize(
@@ -66,4 +87,4 @@ def localize(
     speaks = inside.sum(axis=1) >= config.min_keypoints
     ranks = ranks_of(index.scores(words, inside[speaks], config.score), config.unretrieved)
     source = tuple(name for name, kept in zip(boxes.source, speaks, strict=True) if kept)
-    return Localization(replace(boxes, xyxy=boxes.xyxy[speaks], source=source), ranks, strong_list(ranks))
+    return Localization(replace(boxes, xyxy=boxes.xyxy[speaks], source=source), ranks, strong_list(ranks), boxes.xyxy)

@@ -14,17 +14,17 @@ from fdslam.bow.vocabulary import Vocabulary, replay
 from fdslam.config import Bow, Orb, Retrieval, part
 from fdslam.config import Vocabulary as VocabularyConfig
 from fdslam.context import ensure, load
-from fdslam.data.images import read_image
+from fdslam.data.images import LIBRARIES, read_image
 from fdslam.localization import localize
 from fdslam.obb import library_boxes
 from fdslam.progress import progress
 from fdslam.store import Arrays, Key, Stage, Store
 from fdslam.types import Boxes, Features, Frame, Localization
 
-FEATURES = Stage("features", "fdslam.bow.orb", ("opencv-python-headless", "numpy"))
-VOCABULARY = Stage("vocabulary", "fdslam.bow.vocabulary", ("faiss-cpu",))
-WORDS = Stage("words", "fdslam.bow.vocabulary", ("faiss-cpu",))
-LOCALIZATION = Stage("localization", "fdslam.mapping", ("scipy", "numpy"))
+FEATURES = Stage("features", ("fdslam.bow.orb",), LIBRARIES)
+VOCABULARY = Stage("vocabulary", ("fdslam.bow.vocabulary",), ("faiss-cpu",))
+WORDS = Stage("words", ("fdslam.bow.vocabulary",), ("faiss-cpu",))
+LOCALIZATION = Stage("localization", ("fdslam.mapping",), ("scipy", *LIBRARIES))
 
 
 def _extract(frame: Frame, config: Bow) -> Arrays:
@@ -109,7 +109,7 @@ class BowMap:
         return keys, [self._load(key, frame, library) for key, frame in zip(keys, queries, strict=True)]
 
     def _localize_missing(self, missing: list[Frame], keys: dict[Frame, Key], library: str) -> None:
-        assert self._learned  # learned once here, before threads ask for it
+        _ = self.index  # learned once here, before threads ask for it
         self.features.ensure(missing, "features of the queries")
         jobs = {self._words_key(frame): partial(self._match, frame) for frame in missing}
         ensure(self.store, WORDS, jobs, self.workers, "words of the queries")
@@ -129,10 +129,11 @@ class BowMap:
             "source": np.frombuffer(source, np.uint8),
             "ranks": found.ranks.astype(compact),
             "strong": found.strong,
+            "library": found.library,
         }
 
     def _load(self, key: Key, frame: Frame, library: str) -> Localization:
         arrays = load(self.store, LOCALIZATION, key, partial(self._localize, frame, library))
         names = arrays["source"].tobytes().decode()
         boxes = Boxes(arrays["boxes"], tuple(names.split("+")) if names else ())
-        return Localization(boxes, arrays["ranks"].astype(np.int32), arrays["strong"])
+        return Localization(boxes, arrays["ranks"].astype(np.int32), arrays["strong"], arrays["library"])

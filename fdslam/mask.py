@@ -50,7 +50,7 @@ def load_masks(dataset: Dataset, config: Mask) -> list[NDArray[np.bool_]] | None
                 f"mask=labels: {dataset.name} has no label image for {frame.name}; "
                 "add labels/NAME.png for every query or run with mask=none"
             )
-        masks.append(masked_cells(read_labels(path, frame.height, frame.width), config.min_share))
+        masks.append(masked_cells(read_labels(path, frame.height, frame.width, len(LABELS)), config.min_share))
     return masks
 
 

@@ -103,10 +103,13 @@ def _row(row: str, found: dict[str, Maps], rule: str) -> Maps:
 
 
 def _controls(dataset: Dataset, found: list[Localization], seed: int) -> dict[str, Maps]:
-    """LoC that knows nothing of the map: whatever does not beat it has shown nothing (§Performance)."""
+    """LoC that knows nothing of the map: whatever does not beat it has shown nothing (§Performance).
+
+    Objectness counts the OBBs of the library; with fixed templates alone that is a fixed map.
+    """
     names, heights, widths = zip(*((frame.name, frame.height, frame.width) for frame in dataset.query), strict=True)
     maps: dict[str, Maps] = {kind: list(control(kind, names, heights, widths, seed)) for kind in CONTROLS}
-    maps["objectness"] = [objectness(one.boxes.xyxy, h, w) for one, h, w in zip(found, heights, widths, strict=True)]
+    maps["objectness"] = [objectness(one.library, h, w) for one, h, w in zip(found, heights, widths, strict=True)]
     return maps
 
 
@@ -131,6 +134,11 @@ def _evaluate(maps: dict[str, Maps], dataset: Dataset, config: Config) -> list[R
 def _recall(n: int, dataset: Dataset, found: list[Localization], config: Config) -> Figure | None:
     if dataset.relevant is None:
         return None
-    hits = np.array([np.isin(one.strong[:n], true).any() for one, true in zip(found, dataset.relevant, strict=True)])
+    hits = np.array(
+        [
+            not one.lost and np.isin(one.strong[:n], true).any()
+            for one, true in zip(found, dataset.relevant, strict=True)
+        ]
+    )
     names = [frame.name for frame in dataset.query]
     return proportion(hits, names, config.evaluation.bootstrap, config.evaluation.confidence, config.seed)

@@ -64,7 +64,7 @@ def provenance(config: dict[str, Any], seconds: dict[str, float], workers: int) 
         "python": platform.python_version(),
         "platform": platform.platform(),
         "versions": {name: _version(name) for name in LIBRARIES},
-        "workers": workers,
+        "threads": {"workers": workers, "per_worker": 1},
         "cores": os.cpu_count(),
         "peak_memory_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
         "seconds": {name: round(value, 3) for name, value in seconds.items()},

@@ -20,13 +20,11 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
-from fdslam.config import Campus, Checked, Config, Folder, register
+from fdslam.config import CONF, Campus, Checked, Config, Folder, register
 from fdslam.errors import InputError
 
 USAGE_ERROR, INTERRUPTED = 2, 130
 FREE_BYTES = 200_000_000  # what a small run writes; a full disk is told at the start rather than in an hour
-_PACKED, _CHECKOUT = Path(__file__).parent / "conf", Path(__file__).parent.parent / "conf"
-CONF = _PACKED if _PACKED.is_dir() else _CHECKOUT  # in a wheel, or in a checkout
 
 
 def to_config(composed: DictConfig) -> Config:
@@ -67,8 +65,9 @@ def check_surroundings(config: Config) -> None:
     if config.device != "cpu":
         import torch  # takes seconds, so only where it is asked for
 
-        if not torch.cuda.is_available():
-            raise InputError(f"device={config.device}: torch finds no CUDA device here; run with device=cpu")
+        count = torch.cuda.device_count() if torch.cuda.is_available() else 0
+        if int(config.device.partition(":")[2] or 0) >= count:
+            raise InputError(f"device={config.device}: torch finds {count} CUDA devices here; run with device=cpu")
     store = Path(config.store)
     try:
         store.mkdir(parents=True, exist_ok=True)
@@ -164,6 +163,13 @@ def main() -> None:
         _job()
     except (HydraException, OmegaConfBaseException) as error:
         print(f"fdslam: {one_line(error)}", file=sys.stderr)
+        sys.exit(USAGE_ERROR)
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename else ""
+        print(
+            f"fdslam: {name}{error.strerror or error}; choose other folders with store=… and hydra.run.dir=…",
+            file=sys.stderr,
+        )
         sys.exit(USAGE_ERROR)
     except KeyboardInterrupt:
         print("fdslam: interrupted; what is finished is kept, run again to go on", file=sys.stderr)

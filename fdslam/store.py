@@ -33,8 +33,15 @@ Arrays = dict[str, np.ndarray]
 Key = str  # hex sha256
 
 PACKAGE = Path(__file__).parent
-# Ground floor: what they hold is data, schema or plumbing, and reaches a key through the values themselves.
-NOT_PART_OF_A_RESULT = {"fdslam", "fdslam.errors", "fdslam.config", "fdslam.types", "fdslam.store", "fdslam.progress"}
+# Ground floor: what they hold is schema or plumbing, and reaches a key through the values themselves.
+NOT_PART_OF_A_RESULT = {"fdslam", "fdslam.errors", "fdslam.config", "fdslam.store", "fdslam.progress"}
+
+
+@cache
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
 
 
 def write_atomically(path: Path, data: bytes) -> None:
@@ -51,6 +58,7 @@ def write_atomically(path: Path, data: bytes) -> None:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
+            os.chmod(temporary, 0o666 & ~_umask())  # mkstemp makes files that nobody else may read
             os.replace(temporary, path)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
@@ -104,13 +112,14 @@ class Stage:
     """A named step whose results are stored: its code and the libraries that decide its numbers."""
 
     name: str  # also the folder of its artefacts
-    module: str  # the module whose source (and imports) decides the result
+    modules: tuple[str, ...]  # whose source, with all that they import, decides the result
     libraries: tuple[str, ...] = ()  # distributions whose version matters, e.g. "opencv-python-headless"
 
     def key(self, config: Mapping[str, Any], inputs: Iterable[str]) -> Key:
         """Return the address of the artefact made from ``inputs`` (keys and digests) under ``config``."""
         versions = [[name, _version(name)] for name in self.libraries]
-        return digest([self.name, code_version(self.module), versions, dict(config), list(inputs)])
+        code = [code_version(module) for module in self.modules]
+        return digest([self.name, code, versions, dict(config), list(inputs)])
 
 
 def _checksum(arrays: Arrays) -> str:
@@ -145,6 +154,8 @@ class Store:
                 expected = (file.metadata() or {}).get("sha256")
         except FileNotFoundError:
             return None
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error}); choose another store with store=DIR") from error
         except SafetensorError:
             arrays, expected = {}, None
         if expected != _checksum(arrays):

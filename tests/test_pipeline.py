@@ -35,7 +35,7 @@ def config_for(data, store, **changes):
 
 
 def folder(root):
-    return Folder(kind="folder", root=str(root))
+    return Folder(root=str(root))
 
 
 def table(config):
@@ -49,7 +49,7 @@ def artefacts(store):
 @pytest.fixture(scope="module")
 def campus(tmp_path_factory):
     """A run on a small campus: configuration, outcome."""
-    data = Campus(kind="campus", map_images=10, query_images=9, width=154, height=202)
+    data = Campus(map_images=10, query_images=9, width=154, height=202)
     config = config_for(data, tmp_path_factory.mktemp("campus") / "store")
     return config, run(config, Stopwatch())
 
@@ -89,6 +89,7 @@ def test_a_second_run_computes_nothing_and_says_the_same(campus):
         ({"evaluation": Evaluation(Y=3, bootstrap=10)}, {"fd", "pc"}),
         ({"ad": replace(QUICK, c=0.1)}, set()),
         ({"mask": Mask("labels")}, set()),
+        ({"dataset": Campus(map_images=10, query_images=9, width=154, height=202, radius=4.0)}, set()),
         ({"obb": Obb("A+J")}, {"localization", "fd", "pc", "ad"}),
         ({"ad": replace(QUICK, k=3)}, {"places", "autoencoder", "ad"}),
     ],
@@ -105,9 +106,10 @@ def test_a_change_repeats_only_what_is_new(campus, changes, stages):
     assert stages - {"pc", "ad"} <= new  # hypotheses that stay the same leave pc and ad as they are
 
 
-def test_c_is_shared_and_changes_no_figure(campus):
+@pytest.mark.parametrize("c", [1e-6, 0.05, 0.8 / 3, 1e6])
+def test_c_is_shared_and_changes_no_figure(campus, c):
     config, outcome = campus
-    other = replace(config, ad=replace(QUICK, c=0.05))
+    other = replace(config, ad=replace(QUICK, c=c))
     assert table_csv(run(other, Stopwatch()), other) == table_csv(outcome, config)
 
 
@@ -169,6 +171,25 @@ def test_a_query_and_a_map_image_without_keypoints_are_no_error(tmp_path):
     outcome = run(config_for(folder(root), tmp_path / "store"), Stopwatch())
     assert outcome.localizations[1].boxes.xyxy.shape == (0, 4)
     assert (outcome.maps["FD"][1] == 0).all()
+    assert outcome.localizations[1].lost
+    assert not outcome.localizations[0].lost
+
+
+def test_a_query_that_says_nothing_is_not_localised(tmp_path):
+    # Its strong list begins with map id 0, where it happens to be.
+    root = small_world(tmp_path / "world")
+    Image.fromarray(np.full((120, 160, 3), 90, np.uint8)).save(root / "query" / "00.png")
+    outcome = run(config_for(folder(root), tmp_path / "store"), Stopwatch())
+    assert outcome.recall[1].value == pytest.approx(100 * 5 / 6)
+    rows = {row.method: row for row in outcome.rows}
+    assert rows["objectness"].lc_auroc.value == 0.5  # templates are a fixed map, whatever the query holds
+
+
+def test_blank_images_leave_every_map_finite(tmp_path):
+    root = small_world(tmp_path / "world")
+    for name in ("query/01.png", "map/04.png"):
+        Image.fromarray(np.full((120, 160, 3), 90, np.uint8)).save(root / name)
+    outcome = run(config_for(folder(root), tmp_path / "store"), Stopwatch())
     assert all(np.isfinite(m).all() for maps in outcome.maps.values() for m in maps)
 
 
@@ -198,7 +219,8 @@ def test_the_true_viewpoint(tmp_path):
     config = config_for(folder(root), tmp_path / "store", evaluation=true)
     outcome = run(config, Stopwatch())
     assert [h.tolist() for h in outcome.hypotheses] == [[0], [1], [2], [3], [4], []]
-    assert (outcome.maps["FD"][5] == 0).all()  # its place is not in the map
+    for method in ("FD", "PC", "AD"):
+        assert (outcome.maps[method][5] == 0).all()  # its place is not in the map
     (root / "pairs.csv").unlink()
     with pytest.raises(InputError, match="no place ground truth"):
         run(config, Stopwatch())

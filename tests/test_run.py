@@ -38,6 +38,11 @@ def command(*arguments, cwd=ROOT, python=sys.executable):
         (["evaluation.Y=0"], "evaluation.Y=0: out of range, it must be 1 to 1000"),
         (["obb.library=J+Q"], "unknown source 'Q', choose from A, B"),
         (["device=tpu"], "device=tpu: choose cpu or cuda"),
+        (["device=cuda:99"], "device=cuda:99: torch finds"),
+        (["hydra.run.dir=/proc/x"], "/proc/x"),
+        (["mix.rows=[FD,FD]"], "something is named twice"),
+        (["dataset.kind=folder"], "dataset.kind=folder: choose one of campus"),
+        (["seed=5000000000"], "seed=5000000000: out of range"),
         (["evaluation.X=[2.5]"], "evaluation.X=[2.5]: "),
         (["store=/proc/store"], "store=/proc/store: cannot be made"),
         (["nonsense"], "missing EQUAL"),
@@ -115,7 +120,7 @@ def test_what_a_run_leaves_behind(tmp_path):
             assert figure["low"] <= figure["value"] <= figure["high"]
     made = json.loads((out / "run.json").read_text())
     assert made["seed"] == 0
-    assert {"versions", "workers", "git_commit", "config", "seconds"} <= made.keys()
+    assert {"versions", "threads", "git_commit", "config", "seconds"} <= made.keys()
     assert made["config"]["ad"]["epochs"] == 2
     markdown = (out / "table.md").read_text()
     assert markdown.count("\n|") == 12
@@ -126,7 +131,9 @@ def test_what_a_run_leaves_behind(tmp_path):
 def test_kills_at_random_moments_change_no_digit(tmp_path):
     root = small_world(tmp_path / "world")
     overrides = ["+experiment=fd_ad_pc", "dataset=folder", f"dataset.root={root}", *QUICK, "report.pictures=0"]
-    assert kill_and_resume(3, 1, overrides)
+    same, shares = kill_and_resume(3, 1, overrides)
+    assert same
+    assert any(0.1 < share < 1 for share in shares)  # some kill fell into the work, not only into the start
 
 
 def test_an_installed_wheel_runs_in_another_folder(tmp_path):

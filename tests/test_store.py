@@ -10,7 +10,7 @@ from fdslam import store as store_module
 from fdslam.errors import InputError
 from fdslam.store import Stage, Store, code_version, digest, write_atomically
 
-STAGE = Stage("thing", "fdslam.localization")
+STAGE = Stage("thing", ("fdslam.localization",))
 
 
 def arrays():
@@ -53,9 +53,9 @@ def test_the_key_hangs_on_everything_that_decides_the_result():
         STAGE.key({"k": 2}, ["a", "b"]),
         STAGE.key({"k": 1}, ["b", "a"]),
         STAGE.key({"k": 1}, ["ab"]),
-        Stage("other", "fdslam.localization").key({"k": 1}, ["a", "b"]),
-        Stage("thing", "fdslam.bow.index").key({"k": 1}, ["a", "b"]),
-        Stage("thing", "fdslam.localization", ("numpy",)).key({"k": 1}, ["a", "b"]),
+        Stage("other", ("fdslam.localization",)).key({"k": 1}, ["a", "b"]),
+        Stage("thing", ("fdslam.bow.index",)).key({"k": 1}, ["a", "b"]),
+        Stage("thing", ("fdslam.localization",), ("numpy",)).key({"k": 1}, ["a", "b"]),
     ]
     assert len({key, *others}) == len(others) + 1
     assert digest({"a": 1, "b": 2}) == digest({"b": 2, "a": 1})

@@ -2,9 +2,9 @@
 
     python -m experiments.robustness.kill_and_resume --kills 10 +experiment=fd_ad_pc
 
-Everything after the options goes to ``fdslam.run``. The moments are drawn uniformly over the time that the unbroken run
-took, so that they fall into every stage; SIGKILL cannot be caught, so nothing gets the chance to tidy up. Exit status 1
-if the tables differ in a single digit.
+Everything after the options goes to ``fdslam.run``. A moment is a random number of finished artefacts and a random
+fraction of a second after it, so that the kills spread over all stages however fast the machine is; SIGKILL cannot be
+caught, so nothing gets the chance to tidy up. Exit status 1 if the tables differ in a single digit.
 """
 
 from __future__ import annotations
@@ -38,29 +38,47 @@ def complete(store: Path, out: Path, overrides: list[str]) -> tuple[bytes, float
     return (out / "table.csv").read_bytes(), time.monotonic() - begin
 
 
-def kill_and_resume(kills: int, seed: int, overrides: list[str]) -> bool:
-    """Return whether ``kills`` kills leave the table as it is, printing what happens."""
-    moments = random.Random(seed)
+def artefacts(store: Path) -> int:
+    """Return how many artefacts are finished."""
+    return sum(1 for _ in store.rglob("*.safetensors"))
+
+
+def kill_at(run: subprocess.Popen, store: Path, count: int, delay: float) -> bool:
+    """Kill a run ``delay`` seconds after ``count`` artefacts are there; return False if it ended before."""
+    while artefacts(store) < count and run.poll() is None:
+        time.sleep(0.01)
+    try:
+        run.wait(delay)
+    except subprocess.TimeoutExpired:
+        run.send_signal(signal.SIGKILL)
+        run.wait()
+        return True
+    return False
+
+
+def kill_and_resume(kills: int, seed: int, overrides: list[str]) -> tuple[bool, list[float]]:
+    """Kill and start again, printing what happens.
+
+    Returns:
+        Whether the last table equals that of an unbroken run, and for every kill the share of all artefacts that were
+        finished by then.
+    """
+    moments, shares = random.Random(seed), []
     with tempfile.TemporaryDirectory() as folder:
         base = Path(folder)
         table, seconds = complete(base / "unbroken", base / "unbroken_out", overrides)
-        print(f"unbroken run: {seconds:.1f} s")
-        for n in range(kills):
-            # Each life goes on where the last one ended, so lives of T / kills on average cover the whole run.
-            life = moments.uniform(0.1, max(0.2, 2 * seconds / kills))
+        total = artefacts(base / "unbroken")
+        print(f"unbroken run: {seconds:.1f} s, {total} artefacts")
+        for n, count in enumerate(sorted(moments.randint(0, total) for _ in range(kills)), 1):
             run = start(base / "killed", base / f"killed_out_{n}", overrides)
-            try:
-                run.wait(life)
-                print(f"run {n + 1}: finished before its {life:.1f} s")
-            except subprocess.TimeoutExpired:
-                run.send_signal(signal.SIGKILL)
-                run.wait()
-                files = sum(1 for _ in (base / "killed").rglob("*.safetensors"))
-                print(f"run {n + 1}: killed after {life:.1f} s, {files} artefacts kept")
+            if kill_at(run, base / "killed", count, moments.uniform(0, 0.5)):
+                shares.append(artefacts(base / "killed") / total)
+                print(f"run {n}: killed with {round(shares[-1] * total)} artefacts")
+            else:
+                print(f"run {n}: ended before its moment")
         again, seconds = complete(base / "killed", base / "last_out", overrides)
-        same = again == table
-        print(f"last run: {seconds:.1f} s, table {'identical' if same else 'DIFFERENT'}")
-    return same
+        print(f"last run: {seconds:.1f} s, table {'identical' if again == table else 'DIFFERENT'}")
+    return again == table, shares
 
 
 def main() -> None:
@@ -69,7 +87,8 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
     options, overrides = parser.parse_known_args()
-    sys.exit(not kill_and_resume(options.kills, options.seed, overrides))
+    same, _ = kill_and_resume(options.kills, options.seed, overrides)
+    sys.exit(not same)
 
 
 if __name__ == "__main__":

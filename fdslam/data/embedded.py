@@ -12,14 +12,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from fdslam.config import Campus, part
+from fdslam.config import Campus, Rendering, part
 from fdslam.context import ensure
 from fdslam.data.campus import World
 from fdslam.data.folder import read_folder
 from fdslam.store import Arrays, Key, Stage, Store, sha256_file, write_atomically
 from fdslam.types import Dataset
 
-VIEW = Stage("campus_view", "fdslam.data.embedded", ("numpy", "opencv-python-headless"))
+VIEW = Stage("campus_view", ("fdslam.data.campus", "fdslam.data.embedded"), ("numpy", "opencv-python-headless"))
 KINDS = ("car", "person", "barrier", "poster", "table", "board")
 _SPACING = 1.0  # drive index of successive images; places are told apart by pose, not by index
 
@@ -84,7 +84,7 @@ def _coco(settings: Campus, views: list[Arrays]) -> bytes:
 
 def load_campus(settings: Campus, store: Store, workers: int) -> Dataset:
     """Return the campus, rendering into the store whatever is missing there or damaged."""
-    look = part(settings, Campus)
+    look = part(settings, Rendering)
     key = VIEW.key(look, [])
     root = store.root / "campus" / key[:16]
     world: list[World] = []
@@ -99,7 +99,7 @@ def load_campus(settings: Campus, store: Store, workers: int) -> Dataset:
     for (session, index), address in addresses.items():
         view = store.get(VIEW, address)
         if view is not None and _torn(root, session, index, view):
-            store.path(VIEW, address).unlink()
+            store.path(VIEW, address).unlink(missing_ok=True)
     jobs = {address: partial(render, *which) for which, address in addresses.items()}
     if not all(store.has(VIEW, address) for address in jobs):
         world.append(World(settings.seed, settings.map_images, settings.query_images, settings.width, settings.height))

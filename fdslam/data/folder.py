@@ -32,6 +32,7 @@ from fdslam.types import Dataset, Frame
 
 DRIVE_GAP = 1_000_000.0  # in Dataset.times: between drives, so that no k-means by time joins two of them
 _SMALLEST_BOX = 1.0  # pixels inside the image
+_LARGEST_NUMBER = 1e12  # of an index, in metres or radians: far beyond any map, and its square is still a number
 
 
 def read_folder(root: str | Path, settings: config.Dataset, name: str | None = None) -> Dataset:
@@ -69,8 +70,8 @@ def _rows(path: Path, required: tuple[str, ...]) -> list[dict[str, str]] | None:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV file in UTF-8 ({error})") from error
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read as a CSV file in UTF-8 ({error})") from error
     if not rows:
         raise InputError(f"{path}: holds no row; remove the file or list the images in it")
     missing = [column for column in required if column not in rows[0]]
@@ -84,8 +85,8 @@ def _number(path: Path, line: int, row: dict[str, str], column: str) -> float:
         value = float(row[column])
     except (TypeError, ValueError):
         value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{path}, line {line}: {column} is {row[column]!r}, a finite number is needed")
+    if not abs(value) <= _LARGEST_NUMBER:
+        raise InputError(f"{path}, line {line}: {column} is {row[column]!r}, a number is needed")
     return value
 
 
@@ -110,50 +111,69 @@ def _files(base: Path, folder: str, rows: list[dict[str, str]] | None, column: s
 
 def _frame(base: Path, file: str) -> Frame:
     path = base / file
-    if not file or not path.is_file():
-        raise InputError(f"{path}: listed but not there; restore the image or take its line out of the CSV")
+    if not file or not _is_file(path):
+        shown = file if len(file) < 200 else f"{file[:200]}…"
+        raise InputError(f"{str(base / shown)!r}: listed but not there; restore the image or take it out of the CSV")
     height, width = image_size(path)
     return Frame(file, path, sha256_file(path), height, width)
 
 
 def _boxes(path: Path, queries: list[Frame]) -> tuple[NDArray[np.float32], ...] | None:
-    if not path.is_file():
+    if not path.exists():
         return None
     try:
-        coco = json.loads(path.read_text(encoding="utf-8"))
-        images = {image["id"]: image for image in coco["images"]}
-        annotations = [(a["image_id"], a["bbox"], a.get("id")) for a in coco["annotations"]]
-    except (ValueError, KeyError, TypeError) as error:
+        coco = json.loads(path.read_text(encoding="utf-8-sig"))
+        images = {str(image["id"]): image for image in coco["images"]}
+        files = {key: str(image["file_name"]) for key, image in images.items()}
+        sizes = {key: (image.get("width"), image.get("height")) for key, image in images.items()}
+        annotations = [(str(a["image_id"]), a["bbox"], a.get("id")) for a in coco["annotations"]]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{path}: not COCO annotations with images and annotations ({error!r})") from error
     by_name = {frame.name: frame for frame in queries}
-    for image in images.values():
-        frame = by_name.get(image.get("file_name", ""))
-        size = (image.get("height"), image.get("width"))
-        if frame and None not in size and size != (frame.height, frame.width):
-            raise InputError(
-                f"{frame.path}: is {frame.width}×{frame.height} pixels, {path.name} says {size[1]}×{size[0]}; "
-                "the boxes would not fit: use the image that was annotated"
-            )
+    for key, file in files.items():
+        if file in by_name:
+            _check_size(path, by_name[file], sizes[key])
     found: dict[str, list[list[float]]] = {frame.name: [] for frame in queries}
-    if images and not any(image.get("file_name") in found for image in images.values()):
-        raise InputError(f"{path}: names none of the queries, such as {queries[0].name}; is it of another data set?")
-    for image_id, bbox, identity in annotations:
-        if image_id not in images:
-            raise InputError(f"{path}: annotation {identity} is of image {image_id}, which is not among its images")
-        name = images[image_id].get("file_name")
-        if name in found:  # pairs.csv may choose some of the annotated queries
-            found[name].append(_box(path, identity, bbox, by_name[name]))
+    for key, bbox, identity in annotations:
+        if key not in files:
+            raise InputError(f"{path}: annotation {identity} is of image {key}, which is not among its images")
+        if files[key] in found:
+            found[files[key]].append(_box(path, identity, bbox, by_name[files[key]]))
+        elif not _is_file(path.parent / files[key]):  # pairs.csv may choose some of the annotated images, no more
+            raise InputError(
+                f"{path}: annotation {identity} is of {files[key]!r}, which is no image here; "
+                f"file_name must be as in {queries[0].name!r}"
+            )
     return tuple(np.array(found[frame.name], np.float32).reshape(-1, 4) for frame in queries)
+
+
+def _check_size(path: Path, frame: Frame, size: tuple[Any, Any]) -> None:
+    if None in size or size == (frame.width, frame.height):
+        return
+    raise InputError(
+        f"{frame.path}: is {frame.width}×{frame.height} pixels, {path.name} says {size[0]!r}×{size[1]!r}; "
+        "the boxes would not fit: use the image that was annotated"
+    )
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long for the file system, or one with a NUL
+        return False
 
 
 def _box(path: Path, identity: Any, bbox: Any, frame: Frame) -> list[float]:
     """COCO [x, y, w, h] to xyxy, clipped to the image."""
-    numbers = isinstance(bbox, list) and len(bbox) == 4 and all(isinstance(v, int | float) for v in bbox)
-    if not numbers or not all(math.isfinite(v) for v in bbox) or bbox[2] <= 0 or bbox[3] <= 0:
+    try:
+        x, y, w, h = (float(value) for value in bbox)
+        fine = all(map(math.isfinite, (x, y, w, h))) and w > 0 and h > 0
+    except (TypeError, ValueError, OverflowError):
+        fine = False
+    if not fine:
         raise InputError(
             f"{path}: annotation {identity} has the bbox {bbox}; [x, y, width, height] in pixels is needed"
         )
-    x, y, w, h = bbox
     box = [max(x, 0), max(y, 0), min(x + w, frame.width), min(y + h, frame.height)]
     if box[2] - box[0] < _SMALLEST_BOX or box[3] - box[1] < _SMALLEST_BOX:
         raise InputError(
@@ -201,5 +221,7 @@ def _relevant(
 
 
 def _labels(base: Path, queries: list[Frame]) -> tuple[Path | None, ...] | None:
-    paths = [base / "labels" / f"{Path(frame.name).stem}.png" for frame in queries]
+    """The label image of ``query/a/b.jpg`` is ``labels/a/b.png``."""
+    names = [Path(frame.name) for frame in queries]
+    paths = [base / "labels" / Path(*name.parts[1:] or name.parts).with_suffix(".png") for name in names]
     return tuple(p if p.is_file() else None for p in paths) if any(p.is_file() for p in paths) else None

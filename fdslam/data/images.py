@@ -17,6 +17,7 @@ from fdslam.errors import InputError
 from fdslam.types import Image
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
+LIBRARIES = ("pillow", "opencv-python-headless", "numpy")  # whose versions decide what an image looks like
 MAX_PIXELS = 64_000_000  # a decoded RGB image then takes at most 192 MB
 MIN_SIDE = 16  # pixels: below this no keypoint, no cell grid means anything
 _EXIF_ORIENTATION, _EXIF_TRANSPOSED = 0x0112, (5, 6, 7, 8)
@@ -84,7 +85,8 @@ def enlarge(image: NDArray[np.uint8], min_side: int) -> tuple[NDArray[np.uint8],
         The image, and how many of its pixels make one of the original: float32 [2], x and y.
     """
     height, width = image.shape[:2]
-    scale = min_side / min(height, width)
+    # The longer side of a very long image would explode.
+    scale = min(min_side / min(height, width), np.sqrt(MAX_PIXELS / (height * width)))
     if scale <= 1:
         return image, np.ones(2, np.float32)
     size = round(width * scale), round(height * scale)
@@ -92,11 +94,11 @@ def enlarge(image: NDArray[np.uint8], min_side: int) -> tuple[NDArray[np.uint8],
     return larger, np.array([size[0] / width, size[1] / height], np.float32)
 
 
-def read_labels(path: Path, height: int, width: int) -> NDArray[np.uint8]:
-    """Return a label image as uint8 [height, width].
+def read_labels(path: Path, height: int, width: int, classes: int) -> NDArray[np.uint8]:
+    """Return a label image as uint8 [height, width], values below ``classes``.
 
     Raises:
-        InputError: unreadable, not one 8-bit channel, or of another size than its image.
+        InputError: unreadable, not one 8-bit channel, of another size than its image, or with unknown labels.
     """
     with _opened(path) as image:
         size = _bounded(path, image)
@@ -104,4 +106,7 @@ def read_labels(path: Path, height: int, width: int) -> NDArray[np.uint8]:
             raise InputError(f"{path}: labels are {size[1]}×{size[0]} but the image is {width}×{height} pixels")
         if image.mode not in ("L", "P"):
             raise InputError(f"{path}: a label image has one 8-bit channel, this one has mode {image.mode}")
-        return np.array(image)
+        labels = np.array(image)
+    if labels.max() >= classes:
+        raise InputError(f"{path}: holds the label {labels.max()}; labels are 0 to {classes - 1}, see fdslam/types.py")
+    return labels

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fdslam.context import Context
 from fdslam.detectors import anomaly, comparison, fault_diagnosis
-from fdslam.types import Cells
 
-DETECTORS: dict[str, Callable[[Context], list[Cells]]] = {
+DETECTORS: dict[str, Callable[[Context], Sequence[NDArray[np.floating]]]] = {
     "FD": fault_diagnosis.detect,
     "PC": comparison.detect,
     "AD": anomaly.detect,

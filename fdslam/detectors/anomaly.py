@@ -25,15 +25,15 @@ from fdslam.autoencoder import (
 )
 from fdslam.config import Autoencoder, Places, part
 from fdslam.context import Context, ensure, load
-from fdslam.data.images import read_image
+from fdslam.data.images import LIBRARIES, read_image
 from fdslam.places import global_descriptor, place_classes, pose_vectors, time_vectors
 from fdslam.store import Arrays, Key, Stage
-from fdslam.types import Cells, Frame, grid_shape
+from fdslam.types import Frame, grid_shape
 
-DESCRIPTOR = Stage("global_descriptor", "fdslam.places", ("opencv-python-headless", "numpy"))
-PLACES = Stage("places", "fdslam.places", ("scikit-learn",))
-MODEL = Stage("autoencoder", "fdslam.autoencoder", ("torch",))
-STAGE = Stage("ad", "fdslam.detectors.anomaly", ("torch", "opencv-python-headless"))
+DESCRIPTOR = Stage("global_descriptor", ("fdslam.places", "fdslam.data.images"), LIBRARIES)
+PLACES = Stage("places", ("fdslam.places",), ("scikit-learn", "scipy", "numpy"))
+MODEL = Stage("autoencoder", ("fdslam.autoencoder", "fdslam.data.images"), ("torch", *LIBRARIES))
+STAGE = Stage("ad", ("fdslam.detectors.anomaly",), ("torch", *LIBRARIES))
 
 
 def _vectors(context: Context) -> NDArray[np.floating]:
@@ -114,7 +114,7 @@ def fit_places(context: Context) -> tuple[NDArray[np.int64], list[Key], tuple[Pl
     return label, keys, fill_statistics(models), size
 
 
-def detect(context: Context) -> list[Cells]:
+def detect(context: Context) -> list[NDArray[np.float64]]:
     """Return the LoC of every query (§AD): z of the AE of its place, the largest in each cell.
 
     With ``ad.hypotheses: top1`` the place is that of the best hypothesis, with ``min`` the smallest z over the places
@@ -142,7 +142,8 @@ def detect(context: Context) -> list[Cells]:
         addresses.append(STAGE.key({}, [frame.digest, *(value for entry in used for value in entry)]))
     context.ensure(STAGE, {key: partial(cells, query) for query, key in enumerate(addresses)}, "AD")
     found = [load(context.store, STAGE, key, partial(cells, query))["cz"] for query, key in enumerate(addresses)]
-    return [(cz / np.float32(config.ad.c)).astype(np.float32) for cz in found]
+    # In double precision, or the division would make equals of neighbours and c would change a ranking.
+    return [cz.astype(np.float64) / config.ad.c for cz in found]
 
 
 def _statistics(model: PlaceModel) -> tuple[float, float]:

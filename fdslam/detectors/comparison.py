@@ -12,13 +12,13 @@ from scipy.ndimage import gaussian_filter
 
 from fdslam.config import Keypoints, Pc, part
 from fdslam.context import Context, load
-from fdslam.data.images import enlarge, read_image
+from fdslam.data.images import LIBRARIES, enlarge, read_image
 from fdslam.harris_laplace import harris_laplace, sift
 from fdslam.store import Arrays, Key, Stage
 from fdslam.types import CELL, Cells, Frame, grid_shape
 
-FEATURES = Stage("pc_features", "fdslam.harris_laplace", ("opencv-python-headless", "numpy"))
-STAGE = Stage("pc", "fdslam.detectors.comparison", ("numpy", "scipy"))
+FEATURES = Stage("pc_features", ("fdslam.detectors.comparison",), LIBRARIES)
+STAGE = Stage("pc", ("fdslam.detectors.comparison",), ("numpy", "scipy"))
 
 # The distance to a map without features. SIFTs are non-negative with norm 512, each of 128 entries rounded by at most a
 # half: no two are further apart. So a keypoint that nothing could explain is never below one that something could.
@@ -112,6 +112,8 @@ def detect(context: Context) -> list[Cells]:
 
     def cells(query: int) -> Arrays:
         frame = data.query[query]
+        if not len(context.hypotheses[query]):  # its place is not in the map: nothing to compare with
+            return {"loc": np.zeros(grid_shape(frame.height, frame.width), np.float32)}
         own = features(frame)
         maps = [features(data.map[m])["sift"].astype(np.float32) for m in context.hypotheses[query]]
         distance = nearest_distance(own["sift"].astype(np.float32), maps)

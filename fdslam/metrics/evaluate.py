@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.config import Evaluation
-from fdslam.errors import InputError
 from fdslam.metrics import accuracy, bootstrap, curves
 from fdslam.metrics.accuracy import Ranking
 from fdslam.metrics.bootstrap import Figure, Weights
@@ -45,11 +44,9 @@ def evaluate(name: str, loc: Sequence[NDArray[np.floating]], scene: Scene, confi
         The row. It depends neither on the order of queries and boxes nor on anything but the order of the LoC values.
 
     Raises:
-        InputError: a map is missing, has the wrong shape or holds NaN, or ``config.X`` is empty.
+        InputError: a map is missing, has the wrong shape or holds NaN.
     """
     percents = sorted(set(config.X))
-    if not percents:
-        raise InputError("evaluation.X is empty: give at least one percentage, e.g. [5,10,15,20]")
     values = scene.flatten(name, loc)
     ranking = accuracy.rank_cells(values, scene, seed)
     weights = bootstrap.resample(len(scene.names), config.bootstrap, seed)

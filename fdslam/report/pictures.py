@@ -124,6 +124,8 @@ def draw_query(outcome: Outcome, heat: dict[str, Maps], query: int) -> bytes:
 def draw_pictures(outcome: Outcome, config: Config, folder: Path) -> None:
     """Draw the best and the worst queries of the last row of the table (the first ones without annotations)."""
     wanted = config.report.pictures
+    for stale in folder.glob("*.png"):  # of an earlier run into the same folder
+        stale.unlink()
     if not wanted:
         return
     heat = {row: percentiles(outcome.maps[row]) for row in config.mix.rows}

@@ -6,7 +6,7 @@ import csv
 import io
 from typing import Any
 
-from fdslam.config import Config
+from fdslam.config import Config, deviations
 from fdslam.metrics import Figure, Row
 from fdslam.pipeline import Outcome
 
@@ -55,14 +55,19 @@ def _grid(outcome: Outcome, config: Config, compact: bool) -> Grid:
     return lines
 
 
+def _but(config: Config) -> str:
+    """What is not as the mode says: a table must not call itself the paper's when it is something else."""
+    return "".join(f" but {key}={value}" for key, value in deviations(config).items())
+
+
 def summary(outcome: Outcome, config: Config) -> list[str]:
     """Return the lines above the table: the data, the setting and the localisation recall."""
     data = outcome.dataset
     boxes = "no annotations" if data.boxes is None else f"{sum(map(len, data.boxes))} changed objects"
     lines = [
         f"{data.name}: {len(data.map)} map images, {len(data.query)} queries, {boxes}",
-        f"mode {config.mode}, OBBs {config.obb.library}, Y = {config.evaluation.Y}, mask {config.mask.source}, "
-        f"viewpoint {config.evaluation.viewpoint}",
+        f"mode {config.mode}{_but(config)}, OBBs {config.obb.library}, Y = {config.evaluation.Y}, "
+        f"mask {config.mask.source}, viewpoint {config.evaluation.viewpoint}",
     ]
     if all(figure is not None for figure in outcome.recall.values()):
         recall = ", ".join(f"@{n} {_figure(figure, 1)}" for n, figure in outcome.recall.items())
@@ -155,6 +160,7 @@ def table_json(outcome: Outcome, config: Config, seconds: float) -> dict[str, An
         "query": len(data.query),
         "boxes": None if data.boxes is None else sum(map(len, data.boxes)),
         "mode": config.mode,
+        "deviations": deviations(config),
         "obb": config.obb.library,
         "Y": config.evaluation.Y,
         "seconds": round(seconds, 3),

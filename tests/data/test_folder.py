@@ -80,7 +80,9 @@ def test_a_box_that_reaches_over_the_border_is_cut(world):
     assert read(world).boxes[1].tolist() == [[150, 0, 160, 15]]
 
 
-@pytest.mark.parametrize("bbox", [[200, 10, 5, 5], [-20, 0, 20, 10], [1, 1, 0, 5], [1, 1, 5], ["a", 1, 2, 3], None])
+@pytest.mark.parametrize(
+    "bbox", [[200, 10, 5, 5], [-20, 0, 20, 10], [1, 1, 0, 5], [1, 1, 5], ["a", 1, 2, 3], None, [10**400, 1, 2, 3]]
+)
 def test_a_bad_box_is_named(world, bbox):
     change(world, lambda coco: coco["annotations"][1].update(bbox=bbox))
     with pytest.raises(InputError, match=r"annotations\.json: annotation 1"):
@@ -104,19 +106,24 @@ def test_annotations_of_another_data_set_are_refused(world):
     change(world, lambda coco: coco["annotations"][0].update(image_id=77))
     with pytest.raises(InputError, match="annotation 0 is of image 77"):
         read(world)
-    change(world, lambda coco: [image.update(file_name=f"other/{image['id']}.png") for image in coco["images"]])
-    with pytest.raises(InputError, match="names none of the queries"):
+
+
+def test_a_misspelt_image_does_not_become_an_unchanged_one(world):
+    change(world, lambda coco: coco["images"][1].update(file_name="01.png"))
+    with pytest.raises(InputError, match=r"annotation 0 is of '01\.png', which is no image here"):
         read(world)
+    change(world, lambda coco: coco["images"][1].update(file_name="map/01.png"))  # an image, but no query
+    assert [len(b) for b in read(world).boxes] == [0, 0, 0, 1, 0, 0]
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[1, 2]", '{"images": 3, "annotations": []}', "not json"])
+@pytest.mark.parametrize("text", ["", "{}", "[1, 2]", '{"images": 3, "annotations": []}', "not json", "[" * 100_000])
 def test_a_file_that_is_no_annotation_is_named(world, text):
     (world / "annotations.json").write_text(text)
     with pytest.raises(InputError, match=r"annotations\.json"):
         read(world)
 
 
-@pytest.mark.parametrize("value", ["nan", "", "inf", "north"])
+@pytest.mark.parametrize("value", ["nan", "", "inf", "north", "1e308"])
 def test_a_number_that_is_none_is_named_with_its_line(world, value):
     rows = [[f"map/{i:02d}.png", "d", value if i == 2 else i] for i in range(6)]
     write_csv(world / "map.csv", ["map_file", "drive", "index"], rows)
@@ -128,7 +135,7 @@ def test_missing_things_are_named(world, tmp_path):
     with pytest.raises(InputError, match=r"dataset\.root=.*nowhere: no such folder"):
         read(tmp_path / "nowhere")
     (world / "map" / "03.png").unlink()
-    with pytest.raises(InputError, match=r"map/03\.png: listed but not there"):
+    with pytest.raises(InputError, match=r"map/03\.png'?: listed but not there"):
         read(world)
 
 
@@ -149,6 +156,15 @@ def test_a_missing_column_and_a_repeated_image_are_named(world):
     write_csv(world / "map.csv", ["map_file", "drive", "index"], [["map/00.png", "d", 1]] * 2)
     with pytest.raises(InputError, match=r"map/00\.png twice"):
         read(world)
+
+
+def test_labels_follow_the_folders_of_their_queries(world):
+    for folder in ("query", "labels"):
+        (world / folder / "a").mkdir()
+        (world / folder / "00.png").rename(world / folder / "a" / "00.png")
+    write_csv(world / "pairs.csv", ["query_file", "drive", "query_index"], [["query/a/00.png", "d", 0]])
+    (world / "annotations.json").unlink()
+    assert read(world).labels == (world / "labels" / "a" / "00.png",)
 
 
 def test_the_digest_follows_the_bytes(world):

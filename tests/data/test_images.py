@@ -79,8 +79,10 @@ def test_sixteen_bit_is_refused_and_not_clipped(saved):
 def test_labels_must_fit(saved):
     labels = picture()[..., 0] % 5
     path = saved("labels.png", labels)
-    assert np.array_equal(read_labels(path, 40, 60), labels)
+    assert np.array_equal(read_labels(path, 40, 60, 5), labels)
     with pytest.raises(InputError, match="60×40 but the image is 61×40"):
-        read_labels(path, 40, 61)
+        read_labels(path, 40, 61, 5)
     with pytest.raises(InputError, match="one 8-bit channel"):
-        read_labels(saved("colour.png"), 40, 60)
+        read_labels(saved("colour.png"), 40, 60, 5)
+    with pytest.raises(InputError, match=r"holds the label 4; labels are 0 to 3"):
+        read_labels(path, 40, 60, 4)

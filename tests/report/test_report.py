@@ -54,6 +54,13 @@ def test_the_pool_of_the_configuration_is_shown(made):
     assert "within each query" in table_text(outcome, within)
 
 
+def test_what_deviates_from_the_mode_is_said(made):
+    config, outcome, _ = made
+    assert "mode paper but ad.k=2, OBBs J+B" in table_text(outcome, config)
+    other = replace(config, fd=replace(config.fd, pooling="max"))
+    assert table_json(outcome, other, 0)["deviations"] == {"fd.pooling": "max", "ad.k": 2}
+
+
 def test_figures_that_are_undefined_are_dashes_and_nulls(made):
     config, outcome, _ = made
     rows = tuple(replace(row, lc_auroc=None, pooled=dict.fromkeys(row.pooled)) for row in outcome.rows)
