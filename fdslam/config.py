@@ -297,7 +297,7 @@ def deviations(config: Config) -> dict[str, Any]:
         for key, value in switches.items() if isinstance(switches, dict) else ():
             ours = getattr(getattr(config, str(group)), str(key))
             if ours != value:
-                found[f"{group}.{key}"] = ours
+                found[".".join((str(group), str(key)))] = ours
     return found
 
 

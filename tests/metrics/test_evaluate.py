@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fdslam.config import Evaluation
-from fdslam.errors import InputError
 from fdslam.metrics import Figure, Scene, bootstrap, evaluate
 from tests import reference
 from tests.metrics.scenes import make, permuted, scenes_with_maps, ties
@@ -144,8 +143,3 @@ def test_a_fixed_map_has_location_controlled_half_in_every_replicate():
     scene, loc = larger_scene()
     row = evaluate("blob", [loc[0]] * 12, scene, config(), 0)
     assert row.lc_auroc == Figure(0.5, 0.5, 0.5)
-
-
-def test_percentages_are_needed():
-    with pytest.raises(InputError, match=r"evaluation\.X is empty"):
-        evaluate("FD", [], Scene((), (), (), ()), config(X=[]), 0)
