@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from pathlib import Path
 from typing import Any, ClassVar
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING, OmegaConf
+from omegaconf import MISSING
 
 from fdslam.errors import InputError
 
-_PACKED, _CHECKOUT = Path(__file__).parent / "conf", Path(__file__).parent.parent / "conf"
-CONF = _PACKED if _PACKED.is_dir() else _CHECKOUT  # in a wheel, or in a checkout
 METHODS = ("FD", "PC", "AD", "FD+AD+PC", "FD+AD", "FD+PC")  # Table I, top to bottom
 
 
@@ -286,19 +283,6 @@ def register() -> None:
     store.store(name="schema", node=Config)
     for name, node in (("base_folder", Folder), ("base_campus", Campus)):
         store.store(group="dataset", name=name, node=node)
-
-
-def deviations(config: Config) -> dict[str, Any]:
-    """Return the keys, and their values, in which a configuration is not what its mode says."""
-    mode = OmegaConf.to_container(OmegaConf.load(CONF / "mode" / f"{config.mode}.yaml"))
-    assert isinstance(mode, dict)
-    found = {}
-    for group, switches in mode.items():
-        for key, value in switches.items() if isinstance(switches, dict) else ():
-            ours = getattr(getattr(config, str(group)), str(key))
-            if ours != value:
-                found[".".join((str(group), str(key)))] = ours
-    return found
 
 
 def part(config: Any, base: type) -> dict[str, Any]:

@@ -20,8 +20,9 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
-from fdslam.config import CONF, Campus, Checked, Config, Folder, register
+from fdslam.config import Campus, Checked, Config, Folder, register
 from fdslam.errors import InputError
+from fdslam.modes import CONF
 
 USAGE_ERROR, INTERRUPTED = 2, 130
 FREE_BYTES = 200_000_000  # what a small run writes; a full disk is told at the start rather than in an hour

@@ -6,8 +6,9 @@ import csv
 import io
 from typing import Any
 
-from fdslam.config import Config, deviations
+from fdslam.config import Config
 from fdslam.metrics import Figure, Row
+from fdslam.modes import deviations
 from fdslam.pipeline import Outcome
 
 Grid = list[list[str]]
