@@ -88,6 +88,13 @@ class BowMap:
         """The inverted file of all map images."""
         return self._learned[1]
 
+    def kept(self) -> float:
+        """Return the bytes per map image of the vocabulary (32 a word) and the postings (4 a keypoint)."""
+        stored = [self.store.get(VOCABULARY, key) for key in self.keys]
+        posted = [arrays["words"] for arrays in stored if arrays is not None]
+        words = max((int(word.max(initial=-1)) for word in posted), default=-1) + 1
+        return (32 * words + 4 * sum(map(len, posted))) / len(self.frames)
+
     def words(self, frame: Frame) -> NDArray[np.int32]:
         """Return the word of every keypoint of a query, int32 [n], NO_WORD where the ratio test fails."""
         return load(self.store, WORDS, self._words_key(frame), partial(self._match, frame))["words"]

@@ -39,6 +39,7 @@ class Outcome:
     maps: dict[str, Maps]  # per row of the table and per control, after the mask
     rows: tuple[Row, ...]  # methods, then controls; empty without annotations
     leaders: dict[str, Leader]  # per method; empty without annotated boxes
+    kept: dict[str, float]  # bytes per map image of the bag of words, and what each detector keeps beside it
 
 
 def run(config: Config, watch: Stopwatch) -> Outcome:
@@ -63,7 +64,8 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     found: dict[str, Maps] = {}
     for name in dict.fromkeys(part for row in config.mix.rows for part in row.split("+")):
         with watch.stage(name):
-            found[name] = list(DETECTORS[name](context))
+            found[name] = list(DETECTORS[name].detect(context))
+    kept = {"bag of words": bow.kept(), **{name: DETECTORS[name].kept(context) for name in found}}
     with watch.stage("fusion"):
         maps = {row: _row(row, found, config.mix.rule) for row in config.mix.rows}
         maps |= _controls(dataset, localizations, config.seed)
@@ -73,7 +75,7 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
         recall = {n: _recall(n, dataset, localizations, config) for n in RECALL_AT}
         grades = {row.method: row.grades for row in rows if row.method in config.mix.rows}
         lead = leaders(grades, otherwise=len(set(config.evaluation.X))) or {}
-    return Outcome(dataset, tuple(localizations), hypotheses, recall, maps, tuple(rows), lead)
+    return Outcome(dataset, tuple(localizations), hypotheses, recall, maps, tuple(rows), lead, kept)
 
 
 def _check_truth(config: Config, dataset: Dataset) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from safetensors.numpy import load_file
 
 from fdslam.config import Ad, Bow, Campus, Config, Evaluation, Folder, Mask, Mix, Obb, Report
 from fdslam.errors import InputError
@@ -54,6 +55,12 @@ def campus(tmp_path_factory):
     return config, run(config, Stopwatch())
 
 
+def _vocabulary_of(config):
+    """Per map image its new words, and per map image its keypoints, as the stored artefacts have them."""
+    posted = [load_file(path)["words"] for path in (Path(config.store) / "vocabulary").rglob("*.safetensors")]
+    return [np.unique(np.concatenate(posted))], posted
+
+
 def test_campus_end_to_end(campus):
     _config, outcome = campus
     assert [row.method for row in outcome.rows] == ROWS + CONTROLS
@@ -70,6 +77,11 @@ def test_campus_end_to_end(campus):
     blob = next(row for row in outcome.rows if row.method == "centre blob")
     assert blob.lc_auroc.value == pytest.approx(0.5)
     assert set(outcome.leaders) == set(ROWS)
+    assert outcome.kept["FD"] == 0
+    words, keypoints = (sum(map(len, posted)) for posted in _vocabulary_of(_config))
+    assert outcome.kept["bag of words"] == (32 * words + 4 * keypoints) / 10
+    assert outcome.kept["PC"] > outcome.kept["bag of words"] > 0
+    assert outcome.kept["AD"] > 0
 
 
 def test_a_second_run_computes_nothing_and_says_the_same(campus):

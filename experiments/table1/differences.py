@@ -113,19 +113,19 @@ def main() -> None:
         return maps
 
     print("| variant | X = 5 / 10 / 15 / 20 % | lc-AUROC |\n|---|---|---|")
-    show("FD, J+B", DETECTORS["FD"](context))
+    show("FD, J+B", DETECTORS["FD"].detect(context))
     if options.yolo:
         session = onnxruntime.InferenceSession(str(options.yolo))
         show("FD, J+B and YOLO's boxes", with_boxes(lambda frame: yolox(session, read_image(frame.path))))
     show("FD, J+B and 50 random boxes", with_boxes(random_boxes))
-    show("PC, Harris-Laplace upscaled to 720", DETECTORS["PC"](context))
+    show("PC, Harris-Laplace upscaled to 720", DETECTORS["PC"].detect(context))
     coarse = replace(context, config=replace(config, pc=Pc(min_side=0)))
-    show("PC, Harris-Laplace at the image's size", DETECTORS["PC"](coarse))
+    show("PC, Harris-Laplace at the image's size", DETECTORS["PC"].detect(coarse))
     show("PC, OpenCV's SIFT keypoints", opencv_sift())
     smooth = replace(context, config=replace(config, pc=Pc(spread="gaussian")))
-    show("PC, Harris-Laplace upscaled, blurred", DETECTORS["PC"](smooth))
+    show("PC, Harris-Laplace upscaled, blurred", DETECTORS["PC"].detect(smooth))
     for k in (4, 10):
-        show(f"AD, k = {k}", DETECTORS["AD"](replace(context, config=replace(config, ad=Ad(k=k)))))
+        show(f"AD, k = {k}", DETECTORS["AD"].detect(replace(context, config=replace(config, ad=Ad(k=k)))))
 
 
 if __name__ == "__main__":

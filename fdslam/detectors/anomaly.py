@@ -146,6 +146,12 @@ def detect(context: Context) -> list[NDArray[np.float64]]:
     return [cz.astype(np.float64) / config.ad.c for cz in found]
 
 
+def kept(context: Context) -> float:
+    """Return the bytes of all autoencoders, spread over the map images."""
+    _, _, models, _ = fit_places(context)
+    return sum(weight.nbytes for model in models for weight in model.weights.values()) / len(context.dataset.map)
+
+
 def _statistics(model: PlaceModel) -> tuple[float, float]:
     assert model.mu is not None  # filled in by fit_places
     assert model.sigma is not None

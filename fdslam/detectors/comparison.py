@@ -90,16 +90,27 @@ def _blocks(rows: NDArray[np.float32]) -> list[NDArray[np.float32]]:
     return [rows[i : i + BLOCK] for i in range(0, len(rows), BLOCK)]
 
 
+def _features_key(frame: Frame, config: Pc) -> Key:
+    return FEATURES.key(part(config, Keypoints), [frame.digest])
+
+
+def kept(context: Context) -> float:
+    """Return the mean bytes of a map image's keypoints and descriptors, of those map images that were compared with."""
+    compared = {context.dataset.map[m] for hypotheses in context.hypotheses for m in hypotheses}
+    arrays = [context.store.get(FEATURES, _features_key(frame, context.config.pc)) for frame in compared]
+    sizes = [sum(array.nbytes for array in features.values()) for features in arrays if features is not None]
+    return float(np.mean(sizes)) if sizes else 0.0
+
+
 def detect(context: Context) -> list[Cells]:
     """Return the LoC of every query (§PC): the distance of its SIFTs to the nearest of the top-Y map images.
 
     The map images' descriptors are kept for this: it is the one detector that stores features of the map.
     """
     data, config = context.dataset, context.config.pc
-    settings = part(config, Keypoints)
 
     def key_of(frame: Frame) -> Key:
-        return FEATURES.key(settings, [frame.digest])
+        return _features_key(frame, config)
 
     def extract(frame: Frame) -> Arrays:
         image, stretch = enlarge(read_image(frame.path), config.min_side)

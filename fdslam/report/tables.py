@@ -70,6 +70,8 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
         f"mode {config.mode}{_but(config)}, OBBs {config.obb.library}, Y = {config.evaluation.Y}, "
         f"mask {config.mask.source}, viewpoint {config.evaluation.viewpoint}",
     ]
+    kept = ", ".join(f"{name} {size / 1024:.0f} KiB" for name, size in outcome.kept.items())
+    lines.append(f"kept per map image: {kept}; no image")
     if all(figure is not None for figure in outcome.recall.values()):
         recall = ", ".join(f"@{n} {_figure(figure, 1)}" for n, figure in outcome.recall.items())
         lines.append(f"localisation recall %: {recall}")
@@ -166,5 +168,6 @@ def table_json(outcome: Outcome, config: Config, seconds: float) -> dict[str, An
         "Y": config.evaluation.Y,
         "seconds": round(seconds, 3),
         "localization": {f"recall@{n}": _entry(figure) for n, figure in outcome.recall.items()},
+        "kept_bytes_per_map_image": {name: round(size) for name, size in outcome.kept.items()},
         "rows": rows,
     }
