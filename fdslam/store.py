@@ -60,9 +60,8 @@ def write_atomically(path: Path, data: bytes) -> None:
                 os.fsync(file.fileno())
             os.chmod(temporary, 0o666 & ~_umask())  # mkstemp makes files that nobody else may read
             os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        finally:
+            Path(temporary).unlink(missing_ok=True)  # there only if something failed
     except OSError as error:
         raise InputError(
             f"cannot write {path}: {error.strerror or error}; what is finished is kept: "

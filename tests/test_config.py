@@ -40,7 +40,7 @@ def options():
 @pytest.mark.parametrize("option", options())
 def test_every_option_of_every_group_composes(option):
     extra = ["dataset.root=/data"] if option == "dataset=folder" else []
-    composed(option, *extra)
+    assert composed(option, *extra).mix.rows
 
 
 def test_table1_has_the_six_rows_of_the_paper():

@@ -28,6 +28,7 @@ from fdslam.progress import single_threaded
 from tests import reference
 
 KEYPOINTS, OBBS, HEIGHT, WIDTH = 1490, 64, 480, 640
+Row = tuple[str, float, str, float]  # what, its seconds, a baseline, the baseline's seconds
 
 
 def cpu_seconds(work: Callable[[], object], repeat: int = 3) -> float:
@@ -48,14 +49,10 @@ def random_boxes(rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([corner, np.minimum(corner + size, [WIDTH, HEIGHT])], axis=1).astype(np.float32)
 
 
-def measure() -> list[tuple[str, float, str, float]]:
-    """Return (what, its seconds, baseline, the baseline's seconds) for every stage."""
+def bag_of_words(unit: float, descriptors: np.ndarray) -> list[Row]:
+    """Measure words, lists and FD."""
     rng = np.random.default_rng(0)
-    descriptors = rng.integers(0, 256, (KEYPOINTS, 32), dtype=np.uint8)
-    matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
-    unit = cpu_seconds(lambda: matcher.knnMatch(descriptors, descriptors, 2))
-    rows = [("U: OpenCV 2-NN of 1490 × 1490", unit, "itself", unit)]
-
+    rows: list[Row] = []
     vocabulary = Vocabulary(0.8)
     vocabulary.append(rng.integers(0, 256, (100_000, 32), dtype=np.uint8))
     rows.append(
@@ -84,7 +81,13 @@ def measure() -> list[tuple[str, float, str, float]]:
     rows.append(
         ("FD of a query, 640 × 480, 64 OBBs, Y = 10", painted, "pixel by pixel", loops * HEIGHT * WIDTH / 48 / 64)
     )
+    return rows
 
+
+def images(unit: float) -> list[Row]:
+    """Measure what works on pixels."""
+    rng = np.random.default_rng(0)
+    rows: list[Row] = []
     world = World(0, 8, 8, 308, 404)
     image = world.view("query", 0).image
     rows.append(("campus view 308 × 404", cpu_seconds(lambda: world.view("query", 0)), "U", unit))
@@ -106,12 +109,21 @@ def measure() -> list[tuple[str, float, str, float]]:
     )
 
     size = input_size(404, 308, Autoencoder().pixels)
-    images = torch.from_numpy(rng.random((16, 3, *size), np.float32))
+    batch = torch.from_numpy(rng.random((16, 3, *size), np.float32))
     one = Autoencoder(epochs=1, folds=2)
     rows.append(
-        ("AE: an epoch of three trainings on 16 images", cpu_seconds(lambda: fit_place(images, one, 0)), "U", unit)
+        ("AE: an epoch of three trainings on 16 images", cpu_seconds(lambda: fit_place(batch, one, 0)), "U", unit)
     )
     return rows
+
+
+def measure() -> list[Row]:
+    """Measure U, then every stage."""
+    descriptors = np.random.default_rng(1).integers(0, 256, (KEYPOINTS, 32), dtype=np.uint8)
+    matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
+    unit = cpu_seconds(lambda: matcher.knnMatch(descriptors, descriptors, 2))
+    itself = ("U: OpenCV 2-NN of 1490 × 1490", unit, "itself", unit)
+    return [itself, *bag_of_words(unit, descriptors), *images(unit)]
 
 
 def main() -> None:

@@ -63,6 +63,36 @@ def random_boxes(frame: Frame, count: int = 50) -> NDArray[np.float32]:
     return np.concatenate([corner, corner + size], axis=1).astype(np.float32)
 
 
+def with_boxes(context: Context, bow: BowMap, more: Callable[[Frame], NDArray[np.float32]]) -> list:
+    """Return FD's cells of every query with further OBBs beside the library's."""
+    data, config = context.dataset, context.config
+    maps = []
+    for frame in data.query:
+        image, extra = read_image(frame.path), more(frame)
+        fixed = library_boxes(config.obb.library, image)
+        boxes = Boxes(np.concatenate([fixed.xyxy, extra]), fixed.source + ("extra",) * len(extra))
+        one = localize(bow.index, boxes, bow.features.load(frame).xy, bow.words(frame), config.bow)
+        top = one.ranks[:, one.strong[: config.evaluation.Y]]
+        maps.append(loc_cells(one.boxes.xyxy, top, frame.height, frame.width, Fd()))
+    return maps
+
+
+def opencv_sift(context: Context) -> list:
+    """Return PC's cells of every query with OpenCV's SIFT keypoints in place of Harris-Laplace."""
+    data = context.dataset
+    described = {}
+    for frame in (*data.map, *data.query):
+        points, sifts = cv2.SIFT.create(nfeatures=1500).detectAndCompute(read_image(frame.path), None)
+        described[frame] = np.array(cv2.KeyPoint.convert(points)), sifts
+    maps = []
+    for frame, top in zip(data.query, context.hypotheses, strict=True):
+        xy, sifts = described[frame]
+        distance = nearest_distance(sifts, [described[data.map[m]][1] for m in top])
+        inside = np.clip(np.floor(xy + 0.5), 0, [frame.width - 1, frame.height - 1]).astype(np.float32)
+        maps.append(keypoints_to_cells(inside, distance, frame.height, frame.width, "cell", 1.5))
+    return maps
+
+
 def main() -> None:
     """Print one line per variant."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -88,40 +118,16 @@ def main() -> None:
         area = f"{lc.value:.3f} ({lc.low:.3f}–{lc.high:.3f})" if lc else "–"
         print(f"| {name} | {accuracy} | {area} |", flush=True)
 
-    def with_boxes(more: Callable[[Frame], NDArray[np.float32]]) -> list:
-        maps = []
-        for frame in data.query:
-            image, extra = read_image(frame.path), more(frame)
-            fixed = library_boxes(config.obb.library, image)
-            boxes = Boxes(np.concatenate([fixed.xyxy, extra]), fixed.source + ("extra",) * len(extra))
-            one = localize(bow.index, boxes, bow.features.load(frame).xy, bow.words(frame), config.bow)
-            top = one.ranks[:, one.strong[: config.evaluation.Y]]
-            maps.append(loc_cells(one.boxes.xyxy, top, frame.height, frame.width, Fd()))
-        return maps
-
-    def opencv_sift() -> list:
-        described = {}
-        for frame in (*data.map, *data.query):
-            points, sifts = cv2.SIFT.create(nfeatures=1500).detectAndCompute(read_image(frame.path), None)
-            described[frame] = np.array(cv2.KeyPoint.convert(points)), sifts
-        maps = []
-        for frame, top in zip(data.query, hypotheses, strict=True):
-            xy, sifts = described[frame]
-            distance = nearest_distance(sifts, [described[data.map[m]][1] for m in top])
-            inside = np.clip(np.floor(xy + 0.5), 0, [frame.width - 1, frame.height - 1]).astype(np.float32)
-            maps.append(keypoints_to_cells(inside, distance, frame.height, frame.width, "cell", 1.5))
-        return maps
-
     print("| variant | X = 5 / 10 / 15 / 20 % | lc-AUROC |\n|---|---|---|")
     show("FD, J+B", DETECTORS["FD"].detect(context))
     if options.yolo:
         session = onnxruntime.InferenceSession(str(options.yolo))
-        show("FD, J+B and YOLO's boxes", with_boxes(lambda frame: yolox(session, read_image(frame.path))))
-    show("FD, J+B and 50 random boxes", with_boxes(random_boxes))
+        show("FD, J+B and YOLO's boxes", with_boxes(context, bow, lambda frame: yolox(session, read_image(frame.path))))
+    show("FD, J+B and 50 random boxes", with_boxes(context, bow, random_boxes))
     show("PC, Harris-Laplace upscaled to 720", DETECTORS["PC"].detect(context))
     coarse = replace(context, config=replace(config, pc=Pc(min_side=0)))
     show("PC, Harris-Laplace at the image's size", DETECTORS["PC"].detect(coarse))
-    show("PC, OpenCV's SIFT keypoints", opencv_sift())
+    show("PC, OpenCV's SIFT keypoints", opencv_sift(context))
     smooth = replace(context, config=replace(config, pc=Pc(spread="gaussian")))
     show("PC, Harris-Laplace upscaled, blurred", DETECTORS["PC"].detect(smooth))
     for k in (4, 10):

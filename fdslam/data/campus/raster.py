@@ -149,6 +149,24 @@ def _patch(
     return np.asarray(patch, np.uint8)
 
 
+def _in_view(
+    corners: NDArray[np.float64], matrix: NDArray[np.float64], width: int, height: int, far: float
+) -> NDArray[np.bool_]:
+    """Tell which quads, of ``corners`` [Q, 4, 3] in the camera's frame, may reach into the view's pyramid: bool [Q]."""
+    x, y, z = (corners[..., k] for k in range(3))
+    ahead = ~(z < NEAR).all(1) & (z.min(1) < far)
+    low, high = (np.linalg.inv(matrix) @ p for p in ([0, 0, 1.0], [width, height, 1.0]))
+    for v, a, b in ((x, low[0], high[0]), (y, low[1], high[1])):
+        ahead &= ~(v < a * z).all(1) & ~(v > b * z).all(1)
+    return ahead
+
+
+def _shows_a_side(mesh: Mesh, camera: Camera) -> NDArray[np.bool_]:
+    """Tell which quads turn a painted side to the camera: bool [Q]."""
+    facing = ((camera.position - mesh.origin) * mesh.normal).sum(1)
+    return (facing > 1e-3) | (mesh.two_sided & (facing < -1e-3))
+
+
 def paint(buffers: Buffers, camera: Camera, mesh: Mesh, gain: NDArray[np.float64], far: float = 150.0) -> None:
     """Paint quads over what is there, keeping whatever is nearer.
 
@@ -165,21 +183,14 @@ def paint(buffers: Buffers, camera: Camera, mesh: Mesh, gain: NDArray[np.float64
     right, down = mesh.right @ camera.axes.T, mesh.down @ camera.axes.T
     start, stop = (origin + mesh.span[:, k, None] * right for k in (0, 1))
     corners = np.stack([start, stop, stop + down, start + down], axis=1)  # [Q, 4, 3]
-    x, y, z = (corners[..., k] for k in range(3))
-    ahead = ~(z < NEAR).all(1) & (z.min(1) < far)
-    low, high = (np.linalg.inv(matrix) @ p for p in ([0, 0, 1.0], [width, height, 1.0]))
-    for v, a, b in ((x, low[0], high[0]), (y, low[1], high[1])):
-        ahead &= ~(v < a * z).all(1) & ~(v > b * z).all(1)
-    facing = ((camera.position - mesh.origin) * mesh.normal).sum(1)
-    ahead &= (facing > 1e-3) | (mesh.two_sided & (facing < -1e-3))
-    seen = np.flatnonzero(ahead)
+    seen = np.flatnonzero(_in_view(corners, matrix, width, height, far) & _shows_a_side(mesh, camera))
     if not len(seen):
         return
     inverses = np.linalg.inv(matrix @ np.stack([right[seen], down[seen], origin[seen]], axis=2))
     # From front to back, so that hidden quads are found out before their textures are warped.
     for k in np.argsort(np.linalg.norm(corners[seen].mean(1), axis=1), kind="stable"):
         q, inverse = seen[k], inverses[k]
-        polygon = corners[q] if z[q].min() >= NEAR else _clip(corners[q])
+        polygon = corners[q] if corners[q, :, 2].min() >= NEAR else _clip(corners[q])
         pixels = polygon @ matrix.T
         pixels = pixels[:, :2] / pixels[:, 2:]
         x0, y0 = (int(max(0, np.ceil(v - 0.5))) for v in pixels.min(0))
