@@ -36,6 +36,9 @@ class Checked:
         """Raise InputError, naming group and key, for the first value out of range."""
         for f in fields(self):  # type: ignore[arg-type]
             value, meta = getattr(self, f.name), f.metadata
+            if isinstance(value, str) and value.lower() in meta.get("choices", ()):
+                value = value.lower()  # Hydra reads true as a truth value, which comes back as "True"
+                setattr(self, f.name, value)
             group = type(self).__name__.lower() if self.group is None else self.group
             where = f"{group}.{f.name}".lstrip(".")
             if value == []:

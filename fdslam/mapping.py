@@ -116,8 +116,8 @@ class BowMap:
         return keys, [self._load(key, frame, library) for key, frame in zip(keys, queries, strict=True)]
 
     def _localize_missing(self, missing: list[Frame], keys: dict[Frame, Key], library: str) -> None:
+        self.features.ensure(missing, "features of the queries")  # a damaged query is found before the map is learned
         _ = self.index  # learned once here, before threads ask for it
-        self.features.ensure(missing, "features of the queries")
         jobs = {self._words_key(frame): partial(self._match, frame) for frame in missing}
         ensure(self.store, WORDS, jobs, self.workers, "words of the queries")
         lists = {keys[frame]: partial(self._localize, frame, library) for frame in missing}

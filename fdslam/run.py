@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 import sys
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from fdslam.errors import InputError
 from fdslam.modes import CONF
 
 USAGE_ERROR, INTERRUPTED = 2, 130
+FOLDERS = ("dataset.root", "store", "hydra.run.dir", "hydra.sweep.dir")  # keys whose values are folders
 FREE_BYTES = 200_000_000  # what a small run writes; a full disk is told at the start rather than in an hour
 
 
@@ -91,6 +93,8 @@ def _job(composed: DictConfig) -> None:
     except InputError as error:
         # Here, and by SystemExit: an exception that leaves the job is announced by Hydra in lines of its own.
         print(f"fdslam: {error}", file=sys.stderr)
+        with suppress(OSError):  # not empty: something was written, and stays
+            Path(HydraConfig.get().runtime.output_dir).rmdir()
         sys.exit(USAGE_ERROR)
 
 
@@ -155,11 +159,29 @@ def one_line(error: Exception) -> str:
     )
 
 
+def quote_paths(arguments: list[str]) -> list[str]:
+    """Return the arguments with folders quoted, so that any path the file system has is one value to Hydra.
+
+    Left alone are paths in quotes already and, in a sweep, lists of them.
+    """
+    sweep = any(argument in ("-m", "--multirun") for argument in arguments)
+
+    def quote(argument: str) -> str:
+        key, _, path = argument.partition("=")
+        if key not in FOLDERS or not path or path[0] in "'\"" or (sweep and "," in path):
+            return argument
+        escaped = path.replace("'", "\\'")
+        return f"{key}='{escaped}'"
+
+    return [quote(argument) for argument in arguments]
+
+
 def main() -> None:
     """Run the command line; exits with 0, 2 (something the user can mend) or 130 (interrupted)."""
     # Otherwise Hydra prints errors itself, over several lines, and exits with 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     register()
+    sys.argv = quote_paths(sys.argv)
     try:
         _job()
     except (HydraException, OmegaConfBaseException) as error:

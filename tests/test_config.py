@@ -78,6 +78,10 @@ def test_a_value_out_of_range_is_named(override, named):
         composed(override)
 
 
+def test_true_is_a_choice_and_not_a_truth_value():
+    assert composed("evaluation.viewpoint=true").evaluation.viewpoint == "true"
+
+
 def test_a_missing_value_is_named():
     with pytest.raises(InputError, match=r"dataset\.root"):
         composed("dataset=folder")

@@ -60,6 +60,28 @@ def test_bad_input_is_one_line_and_status_2(arguments, said, monkeypatch, capsys
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize("name", ["meine Bilder äöü", "a(1)", "[x]", "a=b", "a,b", "it's", "$x", "back\\slash"])
+def test_any_folder_is_found(name, monkeypatch, tmp_path):
+    root = small_world(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    out = tmp_path / f"out {name}"
+    monkeypatch.setattr(
+        sys,
+        "argv",
+        ["fdslam.run", "+experiment=fd", "dataset=folder", f"dataset.root={root}", f"hydra.run.dir={out}", *QUICK],
+    )
+    run.main()
+    assert json.loads((out / "table.json").read_text())["dataset"] == name
+
+
+def test_a_failed_run_leaves_no_folder(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["fdslam.run", "ad.c=0", "hydra.run.dir=out"])
+    with pytest.raises(SystemExit):
+        run.main()
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_nearly_full_disk_is_told_at_the_start(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["fdslam.run"])

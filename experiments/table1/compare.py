@@ -28,8 +28,11 @@ def comparison(tables: list[dict[str, Any]]) -> str:
     paper = json.loads(PAPER.read_text(encoding="utf-8"))
     percents = paper["X"]
     rows = [{row["method"]: row for row in table["rows"]} for table in tables]
-    controls = [name for name in (rows[0] if rows else {}) if name not in paper["rows"]]
-    heads = [f"{t['dataset']} ({t['map']} map, {t['query']} queries, {t['boxes']} objects)" for t in tables]
+    controls = [name for name in dict.fromkeys(name for row in rows for name in row) if name not in paper["rows"]]
+    objects = ["no annotations" if t["boxes"] is None else f"{t['boxes']} objects" for t in tables]
+    heads = [
+        f"{t['dataset']} ({t['map']} map, {t['query']} queries, {o})" for t, o in zip(tables, objects, strict=True)
+    ]
     lines = [f"| X = {' / '.join(map(str, percents))} % | paper, NCLT | {' | '.join(heads)} |"]
     lines.append("|---|" + "---|" * (1 + len(tables)))
     for name in [*paper["rows"], *controls]:
@@ -55,8 +58,10 @@ def main() -> None:
     try:
         tables = [json.loads(path.read_text(encoding="utf-8")) for path in parser.parse_args().tables]
     except (OSError, ValueError) as error:
-        sys.exit(f"compare: {error}")
-    print(comparison(tables))
+        print(f"compare: {error}", file=sys.stderr)
+        sys.exit(2)
+    newest = {table["dataset"]: table for table in tables}  # folders are named by date, and listed in that order
+    print(comparison(list(newest.values())))
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ time; everything else stays as it is. ``--yolo`` takes a YOLOX model with raw he
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +27,7 @@ from fdslam.data.images import read_image
 from fdslam.detectors import DETECTORS
 from fdslam.detectors.comparison import keypoints_to_cells, nearest_distance
 from fdslam.detectors.fault_diagnosis import loc_cells
+from fdslam.errors import InputError
 from fdslam.localization import localize
 from fdslam.mapping import BowMap
 from fdslam.metrics import Scene, evaluate
@@ -135,4 +137,8 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:
+        print(f"differences: {error}", file=sys.stderr)
+        sys.exit(2)

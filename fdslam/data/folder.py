@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 import math
 from collections import Counter
 from pathlib import Path
@@ -30,6 +31,7 @@ from fdslam.errors import InputError
 from fdslam.store import sha256_file
 from fdslam.types import Dataset, Frame
 
+log = logging.getLogger(__name__)
 DRIVE_GAP = 1_000_000.0  # in Dataset.times: between drives, so that no k-means by time joins two of them
 _SMALLEST_BOX = 1.0  # pixels inside the image
 _LARGEST_NUMBER = 1e12  # of an index, in metres or radians: far beyond any map, and its square is still a number
@@ -96,17 +98,28 @@ def _column(path: Path, rows: list[dict[str, str]], column: str) -> NDArray[np.f
 
 def _files(base: Path, folder: str, rows: list[dict[str, str]] | None, column: str) -> list[str]:
     if rows is not None:
-        files = [row[column] or "" for row in rows]
+        files = [_with_folder(base, folder, row[column] or "") for row in rows]
         twice = [file for file, count in Counter(files).items() if count > 1]
         if twice:
             raise InputError(f"{base / folder}.csv or pairs.csv lists {twice[0]} twice; each image is listed once")
+        present = sum(p.suffix.lower() in SUFFIXES for p in (base / folder).glob("*"))
+        if present > len(files):
+            log.warning("%s: %d of %d images are not listed and left out", base / folder, present - len(files), present)
         return files
     if not (base / folder).is_dir():
         raise InputError(f"{base / folder}: no such folder; a data set has its images in map/ and query/")
     found = sorted(p.relative_to(base).as_posix() for p in (base / folder).iterdir() if p.suffix.lower() in SUFFIXES)
+    others = sorted(p.name for p in (base / folder).iterdir() if p.suffix.lower() not in SUFFIXES)
+    if others and found:
+        log.warning("%s: %d left out, no images by their suffix: %s …", base / folder, len(others), others[0])
     if not found:
         raise InputError(f"{base / folder}: holds no image ({', '.join(SUFFIXES)})")
     return found
+
+
+def _with_folder(base: Path, folder: str, file: str) -> str:
+    """Names may be given with the folder, as in ``query/a.jpg``, or without."""
+    return f"{folder}/{file}" if not _is_file(base / file) and _is_file(base / folder / file) else file
 
 
 def _frame(base: Path, file: str) -> Frame:
@@ -124,7 +137,7 @@ def _boxes(path: Path, queries: list[Frame]) -> tuple[NDArray[np.float32], ...] 
     try:
         coco = json.loads(path.read_text(encoding="utf-8-sig"))
         images = {str(image["id"]): image for image in coco["images"]}
-        files = {key: str(image["file_name"]) for key, image in images.items()}
+        files = {key: _with_folder(path.parent, "query", str(image["file_name"])) for key, image in images.items()}
         sizes = {key: (image.get("width"), image.get("height")) for key, image in images.items()}
         annotations = [(str(a["image_id"]), a["bbox"], a.get("id")) for a in coco["annotations"]]
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
@@ -142,7 +155,7 @@ def _boxes(path: Path, queries: list[Frame]) -> tuple[NDArray[np.float32], ...] 
         elif not _is_file(path.parent / files[key]):  # pairs.csv may choose some of the annotated images, no more
             raise InputError(
                 f"{path}: annotation {identity} is of {files[key]!r}, which is no image here; "
-                f"file_name must be as in {queries[0].name!r}"
+                f"file_name must be as in {queries[0].name!r}, or remove what is annotated there"
             )
     return tuple(np.array(found[frame.name], np.float32).reshape(-1, 4) for frame in queries)
 

@@ -64,17 +64,23 @@ def _outline(axes: Axes, boxes: NDArray[np.float32], colour: str, width: float) 
 
 
 def _panels(count: int, aspect: float) -> tuple[Figure, list[Axes], Axes]:
-    """Return a figure with ``count`` panels in a row and a narrow one for the colour bar.
+    """Return a figure with ``count`` panels, in a row or two, and a narrow one for the colour bar.
 
     Their places are computed: matplotlib's layout engines take longer than the drawing.
     """
     width, height = PANEL * min(1, aspect), PANEL / max(1, aspect)
-    total, top = count * (width + GAP) + BAR, height + TITLE
+    rows = 2 if aspect > 1 and count > 4 else 1  # or wide images would be a ribbon
+    columns = -(-count // rows)
+    total, top = columns * (width + GAP) + BAR, rows * (height + TITLE)
     figure = Figure(figsize=(total, top), dpi=110)
     FigureCanvasAgg(figure)
-    lefts = [(GAP / 2 + i * (width + GAP)) / total for i in range(count + 1)]
-    panels = [figure.add_axes((left, 0.02, width / total, height / top)) for left in lefts[:-1]]
-    return figure, panels, figure.add_axes((lefts[-1], 0.06, 0.1 / total, 0.88 * height / top))
+    panels = []
+    for i in range(count):
+        row, column = divmod(i, columns)
+        left, bottom = GAP / 2 + column * (width + GAP), top - (row + 1) * (height + TITLE) + 0.02
+        panels.append(figure.add_axes((left / total, bottom / top, width / total, height / top)))
+    right = columns * (width + GAP) + GAP / 2
+    return figure, panels, figure.add_axes((right / total, 0.06, 0.1 / total, 0.88 - TITLE / top))
 
 
 def draw_query(outcome: Outcome, heat: dict[str, Maps], query: int) -> bytes:
@@ -91,7 +97,8 @@ def draw_query(outcome: Outcome, heat: dict[str, Maps], query: int) -> bytes:
     truth = data.boxes[query] if data.boxes is not None else np.zeros((0, 4), np.float32)
     count = 2 + len(heat)
     figure, axes, bar = _panels(count, frame.width / frame.height)
-    _show(axes[0], image, f"{frame.name}: {len(truth)} changed")
+    changed = f": {len(truth)} changed" if data.boxes is not None else ""
+    _show(axes[0], image, f"{frame.name}{changed}")
     _outline(axes[0], outcome.localizations[query].boxes.xyxy, BOX, 0.4)
     _outline(axes[0], truth, TRUTH, 1.4)
     hypotheses = outcome.hypotheses[query]
@@ -114,7 +121,7 @@ def draw_query(outcome: Outcome, heat: dict[str, Maps], query: int) -> bytes:
         panel.set_xlim(0, frame.width)
         panel.set_ylim(frame.height, 0)
         _outline(panel, truth, TRUTH, 1.0)
-    figure.colorbar(drawn, cax=bar).set_label("LoC, place among all cells", fontsize=6)
+    figure.colorbar(drawn, cax=bar).set_label("LoC, place among cells", fontsize=6)
     bar.tick_params(labelsize=5)
     png = BytesIO()
     figure.savefig(png, format="png", pil_kwargs={"compress_level": 3})

@@ -102,6 +102,26 @@ def test_an_image_of_another_size_than_its_annotation_says_is_named(world):
         read(world)
 
 
+def test_names_without_their_folder_are_understood(world):
+    expected = read(world)
+    for name in ("map.csv", "pairs.csv", "annotations.json"):
+        text = (world / name).read_text()
+        (world / name).write_text(text.replace("query/", "").replace("map/", ""))
+    assert read(world).map == expected.map
+    assert [b.tolist() for b in read(world).boxes] == [b.tolist() for b in expected.boxes]
+
+
+def test_what_is_left_out_is_said(world, caplog):
+    write_csv(world / "pairs.csv", ["query_file", "drive", "query_index"], [["query/01.png", "d", 10]])
+    read(world)
+    assert "query: 5 of 6 images are not listed and left out" in caplog.text
+    for name in ("map.csv", "pairs.csv", "annotations.json"):
+        (world / name).unlink()
+    (world / "query" / "01.png").rename(world / "query" / "01.txt")
+    assert len(read(world).query) == 5
+    assert "query: 1 left out, no images by their suffix: 01.txt" in caplog.text
+
+
 def test_annotations_of_another_data_set_are_refused(world):
     change(world, lambda coco: coco["annotations"][0].update(image_id=77))
     with pytest.raises(InputError, match="annotation 0 is of image 77"):
@@ -109,8 +129,8 @@ def test_annotations_of_another_data_set_are_refused(world):
 
 
 def test_a_misspelt_image_does_not_become_an_unchanged_one(world):
-    change(world, lambda coco: coco["images"][1].update(file_name="01.png"))
-    with pytest.raises(InputError, match=r"annotation 0 is of '01\.png', which is no image here"):
+    change(world, lambda coco: coco["images"][1].update(file_name="query/1.png"))
+    with pytest.raises(InputError, match=r"annotation 0 is of 'query/1\.png', which is no image here"):
         read(world)
     change(world, lambda coco: coco["images"][1].update(file_name="map/01.png"))  # an image, but no query
     assert [len(b) for b in read(world).boxes] == [0, 0, 0, 1, 0, 0]
