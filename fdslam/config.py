@@ -98,7 +98,7 @@ class Campus(Rendering, Dataset):
 
 @dataclass
 class Obb(Checked):
-    """The OBB library (METHOD §2): names joined by +."""
+    """The OBB library: names joined by +."""
 
     library: str = option("J+B", "parts of the OBB library joined by +, e.g. A+J+B")
 
@@ -135,12 +135,12 @@ class Retrieval(Checked):
 
 @dataclass
 class Bow(Orb, Vocabulary, Retrieval):
-    """Bag of words (METHOD §3)."""
+    """Bag of words (§FD)."""
 
 
 @dataclass
 class Fd(Checked):
-    """Fault diagnosis (METHOD §5)."""
+    """Fault diagnosis (§FD, Eq. 1)."""
 
     pooling: str = option("min", "over the top-Y hypotheses", choices=("min", "mean", "max", "median"))
     order: str = option(
@@ -165,7 +165,7 @@ class Keypoints(Checked):
 
 @dataclass
 class Pc(Keypoints):
-    """Pairwise comparison (METHOD §6)."""
+    """Pairwise comparison (§PC)."""
 
     spread: str = option(
         "cell", "keypoints to cells: the maximum in a cell, or that blurred", choices=("cell", "gaussian")
@@ -175,7 +175,7 @@ class Pc(Keypoints):
 
 @dataclass
 class Places(Checked):
-    """Partition of the map images into places (METHOD §7)."""
+    """Partition of the map images into places (§AD)."""
 
     k: int = option(10, "number of places and of autoencoders", low=1, high=10_000)
     places: str = option("appearance", "k-means on what", choices=("appearance", "pose", "time"))
@@ -201,7 +201,7 @@ class Autoencoder(Checked):
 
 @dataclass
 class Ad(Places, Autoencoder):
-    """Anomaly detection (METHOD §7)."""
+    """Anomaly detection (§AD)."""
 
     c: float = option(0.8, "normaliser coefficient of z = (RE - μ) / (c σ)", low=1e-6, high=1e6)
     hypotheses: str = option(
@@ -211,7 +211,7 @@ class Ad(Places, Autoencoder):
 
 @dataclass
 class Mix(Checked):
-    """Which rows the table has and how detectors are fused (METHOD §8)."""
+    """Which rows the table has and how detectors are fused (§Performance)."""
 
     rows: list[str] = option(["FD", "PC", "AD", "FD+AD+PC"], "rows of the table", choices=METHODS)
     rule: str = option(
@@ -229,7 +229,7 @@ class Mask(Checked):
 
 @dataclass
 class Evaluation(Checked):
-    """The accuracy table (METHOD §8)."""
+    """The accuracy table (§Performance)."""
 
     X: list[int] = option([5, 10, 15, 20], "percent of the cells that are selected", low=1, high=100)
     Y: int = option(10, "hypotheses of the strong list", low=1, high=1000)
