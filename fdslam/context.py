@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -47,6 +47,23 @@ class Context:
     localization_keys: tuple[Key, ...]  # per query, addresses of the above
     hypotheses: tuple[NDArray[np.int64], ...]  # per query up to Y map ids, best first
 
-    def ensure(self, stage: Stage, jobs: Mapping[Key, Callable[[], Arrays]], label: str) -> None:
-        """Make and store every artefact of a stage that is not there yet."""
+    def fetch(self, stage: Stage, keys: Sequence[Key], make: Callable[[int], Arrays], label: str) -> list[Arrays]:
+        """Return the artefacts of a stage, in the order of ``keys``, making those that are not there yet.
+
+        Args:
+            stage: what is made.
+            keys: the address of each.
+            make: from the position in ``keys`` to the artefact.
+            label: for the progress bar.
+        """
+        jobs = {key: partial(make, i) for i, key in enumerate(keys)}
         ensure(self.store, stage, jobs, self.config.workers, label)
+        return [load(self.store, stage, key, jobs[key]) for key in keys]
+
+
+@dataclass(frozen=True)
+class Detected:
+    """What a detector has found, and what it keeps of the map for it."""
+
+    loc: Sequence[NDArray[np.floating]]  # per query the LoC [rows, columns] of its cells
+    kept: float  # bytes per map image beside the bag of words

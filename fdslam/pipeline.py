@@ -33,9 +33,7 @@ class Outcome:
     dataset: Dataset
     localizations: tuple[Localization, ...]  # per query
     hypotheses: tuple[NDArray[np.int64], ...]  # per query up to Y map ids, best first
-    recall: dict[
-        int, Figure | None
-    ]  # n -> percent of the queries with a true place among the first n of the strong list
+    recall: dict[int, Figure | None]  # n -> percent of the queries with a true place in the first n of the strong list
     maps: dict[str, Maps]  # per row of the table and per control, after the mask
     rows: tuple[Row, ...]  # methods, then controls; empty without annotations
     leaders: dict[str, Leader]  # per method; empty without annotated boxes
@@ -62,10 +60,11 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     hypotheses = _hypotheses(config, dataset, localizations)
     context = Context(config, dataset, store, tuple(localizations), tuple(keys), hypotheses)
     found: dict[str, Maps] = {}
+    kept = {"bag of words": bow.kept()}
     for name in dict.fromkeys(part for row in config.mix.rows for part in row.split("+")):
         with watch.stage(name):
-            found[name] = list(DETECTORS[name].detect(context))
-    kept = {"bag of words": bow.kept(), **{name: DETECTORS[name].kept(context) for name in found}}
+            detected = DETECTORS[name](context)
+            found[name], kept[name] = list(detected.loc), detected.kept
     with watch.stage("fusion"):
         maps = {row: _row(row, found, config.mix.rule) for row in config.mix.rows}
         maps |= _controls(dataset, localizations, config.seed)

@@ -142,7 +142,7 @@ class Store:
 
     def has(self, stage: Stage, key: Key) -> bool:
         """Tell whether an undamaged artefact is there."""
-        return self.path(stage, key).is_file() and self.get(stage, key) is not None
+        return self.get(stage, key) is not None
 
     def get(self, stage: Stage, key: Key) -> Arrays | None:
         """Return the arrays of an artefact, or None if it is absent or was damaged (then it is removed)."""

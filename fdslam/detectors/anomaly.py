@@ -7,8 +7,6 @@ stored is c z, and another c repeats nothing.
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
@@ -24,11 +22,11 @@ from fdslam.autoencoder import (
     z_score,
 )
 from fdslam.config import Autoencoder, Places, part
-from fdslam.context import Context, ensure, load
+from fdslam.context import Context, Detected, load
 from fdslam.data.images import LIBRARIES, read_image
 from fdslam.places import global_descriptor, place_classes, pose_vectors, time_vectors
 from fdslam.store import Arrays, Key, Stage
-from fdslam.types import Frame, grid_shape
+from fdslam.types import grid_shape
 
 DESCRIPTOR = Stage("global_descriptor", ("fdslam.places", "fdslam.data.images"), LIBRARIES)
 PLACES = Stage("places", ("fdslam.places",), ("scikit-learn", "scipy", "numpy"))
@@ -45,13 +43,12 @@ def _vectors(context: Context) -> NDArray[np.floating]:
         assert data.poses is not None  # the pipeline has checked what the configuration wants
         return pose_vectors(data.poses)
 
-    def describe(frame: Frame) -> Arrays:
-        return {"vector": global_descriptor(read_image(frame.path))}
+    def describe(image: int) -> Arrays:
+        return {"vector": global_descriptor(read_image(data.map[image].path))}
 
     keys = [DESCRIPTOR.key({}, [frame.digest]) for frame in data.map]
-    jobs = {key: partial(describe, frame) for key, frame in zip(keys, data.map, strict=True)}
-    context.ensure(DESCRIPTOR, jobs, "global descriptors of the map")
-    return np.stack([load(context.store, DESCRIPTOR, key, jobs[key])["vector"] for key in keys])
+    found = context.fetch(DESCRIPTOR, keys, describe, "global descriptors of the map")
+    return np.stack([arrays["vector"] for arrays in found])
 
 
 def place_labels(context: Context) -> NDArray[np.int64]:
@@ -103,18 +100,16 @@ def fit_places(context: Context) -> tuple[NDArray[np.int64], list[Key], tuple[Pl
     # A GPU rounds differently from a CPU, so their models are told apart; cuda:0 and cuda:1 are not.
     settings = {**part(config.ad, Autoencoder), "seed": config.seed, "device": config.device.split(":")[0]}
 
-    def fit(frames: list[Frame]) -> Arrays:
-        images = prepare([read_image(frame.path) for frame in frames], size)
+    def fit(place: int) -> Arrays:
+        images = prepare([read_image(frame.path) for frame in members[place]], size)
         return _pack(fit_place(images, config.ad, config.seed, config.device))
 
     keys = [MODEL.key({**settings, "size": size}, [frame.digest for frame in frames]) for frames in members]
-    jobs = {key: partial(fit, frames) for key, frames in zip(keys, members, strict=True)}
-    ensure(context.store, MODEL, jobs, config.workers, "autoencoders")
-    models = [_unpack(load(context.store, MODEL, key, jobs[key])) for key in keys]
+    models = [_unpack(arrays) for arrays in context.fetch(MODEL, keys, fit, "autoencoders")]
     return label, keys, fill_statistics(models), size
 
 
-def detect(context: Context) -> list[NDArray[np.float64]]:
+def detect(context: Context) -> Detected:
     """Return the LoC of every query (§AD): z of the AE of its place, the largest in each cell.
 
     With ``ad.hypotheses: top1`` the place is that of the best hypothesis, with ``min`` the smallest z over the places
@@ -140,16 +135,10 @@ def detect(context: Context) -> list[NDArray[np.float64]]:
     for query, frame in enumerate(data.query):
         used = [(keys[place], *map(float.hex, _statistics(models[place]))) for place in places_of(query)]
         addresses.append(STAGE.key({}, [frame.digest, *(value for entry in used for value in entry)]))
-    context.ensure(STAGE, {key: partial(cells, query) for query, key in enumerate(addresses)}, "AD")
-    found = [load(context.store, STAGE, key, partial(cells, query))["cz"] for query, key in enumerate(addresses)]
     # In double precision, or the division would make equals of neighbours and c would change a ranking.
-    return [cz.astype(np.float64) / config.ad.c for cz in found]
-
-
-def kept(context: Context) -> float:
-    """Return the bytes of all autoencoders, spread over the map images."""
-    _, _, models, _ = fit_places(context)
-    return sum(weight.nbytes for model in models for weight in model.weights.values()) / len(context.dataset.map)
+    loc = [a["cz"].astype(np.float64) / config.ad.c for a in context.fetch(STAGE, addresses, cells, "AD")]
+    weights = sum(weight.nbytes for model in models for weight in model.weights.values())
+    return Detected(loc, weights / len(data.map))
 
 
 def _statistics(model: PlaceModel) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from fdslam.config import Keypoints, Pc, part
-from fdslam.context import Context, load
+from fdslam.context import Context, Detected, ensure, load
 from fdslam.data.images import LIBRARIES, enlarge, read_image
 from fdslam.harris_laplace import harris_laplace, sift
 from fdslam.store import Arrays, Key, Stage
@@ -90,27 +90,16 @@ def _blocks(rows: NDArray[np.float32]) -> list[NDArray[np.float32]]:
     return [rows[i : i + BLOCK] for i in range(0, len(rows), BLOCK)]
 
 
-def _features_key(frame: Frame, config: Pc) -> Key:
-    return FEATURES.key(part(config, Keypoints), [frame.digest])
-
-
-def kept(context: Context) -> float:
-    """Return the mean bytes of a map image's keypoints and descriptors, of those map images that were compared with."""
-    compared = {context.dataset.map[m] for hypotheses in context.hypotheses for m in hypotheses}
-    arrays = [context.store.get(FEATURES, _features_key(frame, context.config.pc)) for frame in compared]
-    sizes = [sum(array.nbytes for array in features.values()) for features in arrays if features is not None]
-    return float(np.mean(sizes)) if sizes else 0.0
-
-
-def detect(context: Context) -> list[Cells]:
+def detect(context: Context) -> Detected:
     """Return the LoC of every query (§PC): the distance of its SIFTs to the nearest of the top-Y map images.
 
-    The map images' descriptors are kept for this: it is the one detector that stores features of the map.
+    The map images' descriptors are kept for this: it is the one detector that stores features of the map. How much is
+    the mean over those that were compared with.
     """
     data, config = context.dataset, context.config.pc
 
     def key_of(frame: Frame) -> Key:
-        return _features_key(frame, config)
+        return FEATURES.key(part(config, Keypoints), [frame.digest])
 
     def extract(frame: Frame) -> Arrays:
         image, stretch = enlarge(read_image(frame.path), config.min_side)
@@ -138,9 +127,11 @@ def detect(context: Context) -> list[Cells]:
         STAGE.key(part(config, Pc), [key_of(frame), *(key_of(data.map[m]) for m in hypotheses)])
         for frame, hypotheses in zip(data.query, context.hypotheses, strict=True)
     ]
-    jobs = {key: partial(cells, query) for query, key in enumerate(keys)}
     missing = [query for query, key in enumerate(keys) if not context.store.has(STAGE, key)]
-    frames = {frame: None for q in missing for frame in (data.query[q], *(data.map[m] for m in context.hypotheses[q]))}
-    context.ensure(FEATURES, {key_of(frame): partial(extract, frame) for frame in frames}, "PC features")
-    context.ensure(STAGE, jobs, "PC")
-    return [load(context.store, STAGE, key, jobs[key])["loc"] for key in keys]
+    needed = {frame: None for q in missing for frame in (data.query[q], *(data.map[m] for m in context.hypotheses[q]))}
+    jobs = {key_of(frame): partial(extract, frame) for frame in needed}
+    ensure(context.store, FEATURES, jobs, context.config.workers, "PC features")
+    loc = [arrays["loc"] for arrays in context.fetch(STAGE, keys, cells, "PC")]
+    compared = {data.map[m] for hypotheses in context.hypotheses for m in hypotheses}
+    sizes = [sum(array.nbytes for array in features(frame).values()) for frame in compared]
+    return Detected(loc, float(np.mean(sizes)) if sizes else 0.0)

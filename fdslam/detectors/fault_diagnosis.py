@@ -9,13 +9,12 @@ Sums of reciprocals are fixed-point integers: the order of the OBBs cannot chang
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.config import Fd, part
-from fdslam.context import Context, load
+from fdslam.context import Context, Detected
 from fdslam.coverage import Coverage
 from fdslam.localization import RECIPROCAL_ONE, reciprocal
 from fdslam.store import Arrays, Stage
@@ -75,9 +74,8 @@ def loc_cells(boxes: NDArray[np.float32], ranks: NDArray[np.int32], height: int,
     return coverage.cells(_blocks(coverage, ranks, config)).astype(np.float32)
 
 
-def detect(context: Context) -> list[Cells]:
-    """Return the LoC of every query (§FD) from its weak ranks of the hypotheses."""
-    settings = part(context.config.fd, Fd)
+def detect(context: Context) -> Detected:
+    """Return the LoC of every query (§FD) from its weak ranks of the hypotheses; nothing more of the map is kept."""
 
     def cells(query: int) -> Arrays:
         frame, found = context.dataset.query[query], context.localizations[query]
@@ -85,13 +83,7 @@ def detect(context: Context) -> list[Cells]:
         return {"loc": loc_cells(found.boxes.xyxy, ranks, frame.height, frame.width, context.config.fd)}
 
     keys = [
-        STAGE.key(settings, [key, *map(str, hypotheses)])
+        STAGE.key(part(context.config.fd, Fd), [key, *map(str, hypotheses)])
         for key, hypotheses in zip(context.localization_keys, context.hypotheses, strict=True)
     ]
-    context.ensure(STAGE, {key: partial(cells, query) for query, key in enumerate(keys)}, "FD")
-    return [load(context.store, STAGE, key, partial(cells, query))["loc"] for query, key in enumerate(keys)]
-
-
-def kept(context: Context) -> float:
-    """Return the bytes per map image kept beside the bag of words: none."""
-    return 0.0
+    return Detected([arrays["loc"] for arrays in context.fetch(STAGE, keys, cells, "FD")], kept=0.0)
