@@ -22,8 +22,8 @@ from fdslam.store import Arrays, Key, Stage, Store
 from fdslam.types import Boxes, Features, Frame, Localization
 
 FEATURES = Stage("features", ("fdslam.bow.orb",), LIBRARIES)
-VOCABULARY = Stage("vocabulary", ("fdslam.bow.vocabulary",), ("faiss-cpu",))
-WORDS = Stage("words", ("fdslam.bow.vocabulary",), ("faiss-cpu",))
+VOCABULARY = Stage("vocabulary", ("fdslam.bow.vocabulary",), ("numpy",))
+WORDS = Stage("words", ("fdslam.bow.vocabulary",), ("numpy",))
 LOCALIZATION = Stage("localization", ("fdslam.mapping",), ("scipy", *LIBRARIES))
 
 
@@ -72,7 +72,7 @@ class BowMap:
             if arrays is None:
                 break
             stored.append(arrays["words"])
-        vocabulary = Vocabulary(self.config.ratio)
+        vocabulary = Vocabulary(self.config.ratio, self.config.exact_below, self.config.probes)
         descriptors = (self.features.load(frame).descriptors for frame in self.frames[: len(stored)])
         for _ in replay(vocabulary, zip(descriptors, stored, strict=True)):
             pass

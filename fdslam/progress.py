@@ -10,7 +10,6 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import TypeVar
 
 import cv2
-import faiss
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
@@ -21,7 +20,6 @@ PLAIN_SECONDS = 10.0  # between two plain lines
 def single_threaded() -> None:
     """Let this thread's numerical libraries run on one core: parallelism is over images, and results stay the same."""
     threadpool_limits(1)  # BLAS and OpenMP of what is loaded by now
-    faiss.omp_set_num_threads(1)
     cv2.setNumThreads(1)
     if "torch" in sys.modules:  # the import takes seconds, and some stages do without
         sys.modules["torch"].set_num_threads(1)

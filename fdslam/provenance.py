@@ -16,7 +16,7 @@ from typing import Any
 
 LIBRARIES = (
     "fdslam", "torch", "torchvision", "hydra-core", "omegaconf", "opencv-python-headless", "kornia", "scikit-learn",
-    "onnxruntime", "numpy", "scipy", "faiss-cpu", "safetensors", "pillow", "matplotlib",
+    "onnxruntime", "numpy", "scipy", "numba", "safetensors", "pillow", "matplotlib",
 )  # fmt: skip
 
 

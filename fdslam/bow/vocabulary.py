@@ -9,40 +9,41 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-import faiss
 import numpy as np
 from numpy.typing import NDArray
 
-BITS = 256
+from fdslam.bow.hamming import distance_of, id_of
+from fdslam.bow.words import Words
+
 NO_WORD = -1
 
 
 class Vocabulary:
-    """The words so far, with exact search by Hamming distance."""
+    """The words so far, and the ratio test of the two nearest."""
 
-    def __init__(self, ratio: float) -> None:
+    def __init__(self, ratio: float, exact_below: int = 100_000, probes: int = 32) -> None:
+        """Start empty; ``exact_below`` and ``probes`` are those of ``Words``."""
         self.ratio = ratio
-        self._index = faiss.IndexBinaryFlat(BITS)
+        self.words = Words(exact_below, probes)
 
     def __len__(self) -> int:
-        return self._index.ntotal
+        return len(self.words)
 
     def match(self, descriptors: NDArray[np.uint8]) -> NDArray[np.int32]:
         """Return the word of each descriptor (uint8 [n, 32]) as int32 [n], NO_WORD where the ratio test fails.
 
-        With fewer than two words there is no second nearest, so the test cannot be passed. Equal nearest distances
-        above 0 fail the test, and two words are never equal: the answer never hangs on the order of the search.
+        With fewer than two words there is no second nearest, so the test cannot be passed. Two words are never equal,
+        and of equally near ones the older is the nearest.
         """
-        if len(self) < 2 or len(descriptors) == 0:
-            return np.full(len(descriptors), NO_WORD, np.int32)
-        distance, word = self._index.search(np.ascontiguousarray(descriptors), 2)
-        accepted = distance[:, 0] <= self.ratio * distance[:, 1]
+        keys = self.words.two_nearest(descriptors)
+        nearest, second = distance_of(keys).T
+        word = id_of(keys)
+        accepted = (word[:, 1] >= 0) & (nearest <= self.ratio * second)
         return np.where(accepted, word[:, 0], NO_WORD).astype(np.int32)
 
     def append(self, words: NDArray[np.uint8]) -> None:
         """Add new words (uint8 [n, 32]); their ids follow on."""
-        if len(words):
-            self._index.add(np.ascontiguousarray(words))
+        self.words.append(words)
 
     def learn(self, descriptors: NDArray[np.uint8]) -> NDArray[np.int32]:
         """Post one map image: return the word of every descriptor as int32 [n], adding the new words.

@@ -1,0 +1,168 @@
+"""Hamming distances of 256-bit descriptors by native popcount: the inner loops of the word search.
+
+Descriptors lie in groups of eight, transposed: the first 64 bits of all eight, then the second, … One vector register
+then holds a quarter of eight descriptors, and no distance needs a sum across it. Nearest neighbours are found as keys,
+``distance << 32 | id`` in uint64: the smallest key is the nearest, ties go to the smaller id, and the order in which
+groups are visited cannot change the result. A place that holds nothing has id -1, which makes its key the largest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam.bow.native import NATIVE, njit
+
+GROUP = 8  # descriptors in a group
+NONE = np.uint64(0xFFFFFFFFFFFFFFFF)  # the key of nothing
+_LOW = np.uint64(0xFFFFFFFF)
+_TILE = 64  # groups: 16 KB of descriptors stay in the first cache while every query visits them
+Keys = NDArray[np.uint64]
+
+if NATIVE:
+    from fdslam.bow.vector_kernels import keep_best, keep_two
+
+
+def pack(descriptors: NDArray[np.uint8]) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
+    """Return descriptors (uint8 [n, 32]) as groups (uint64 [g · 32]) and their ids 0 … n-1 (int32 [g · 8], else -1)."""
+    groups = -(-len(descriptors) // GROUP)
+    padded = np.zeros((groups * GROUP, 4), np.uint64)
+    padded[: len(descriptors)] = np.ascontiguousarray(descriptors).view(np.uint64)
+    ids = np.full(groups * GROUP, -1, np.int32)
+    ids[: len(descriptors)] = np.arange(len(descriptors), dtype=np.int32)
+    return np.ascontiguousarray(padded.reshape(groups, GROUP, 4).transpose(0, 2, 1)).reshape(-1), ids
+
+
+def unpack(groups: NDArray[np.uint64]) -> NDArray[np.uint8]:
+    """Return the descriptors of groups (uint64 [g · 32]), those of empty places too: uint8 [g · 8, 32]."""
+    rows = np.ascontiguousarray(groups.reshape(-1, 4, GROUP).transpose(0, 2, 1))
+    return rows.reshape(-1, 4).view(np.uint8)
+
+
+def distances(queries: NDArray[np.uint8], descriptors: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Return the Hamming distance of every pair, int64 [n, m], without compiled kernels."""
+    q, d = (np.ascontiguousarray(rows).view(np.uint64) for rows in (queries, descriptors))
+    result = np.zeros((len(q), len(d)), np.int64)
+    for part in range(4):
+        result += np.bitwise_count(q[:, part, None] ^ d[None, :, part])
+    return result
+
+
+def keys_of(distance: NDArray[np.int64], ids: NDArray[np.int32]) -> Keys:
+    """Return ``distance << 32 | id`` as uint64 [n, m]; NONE where the id is -1."""
+    keys = (distance.astype(np.uint64) << np.uint64(32)) | ids.astype(np.uint64)
+    return np.where(ids < 0, NONE, keys)
+
+
+@njit
+def smallest_two(lanes, at, out, to):
+    """Write the smallest two of the 16 keys from ``at`` on to ``out[to]`` and ``out[to + 1]``."""
+    first = second = np.uint64(0xFFFFFFFFFFFFFFFF)
+    for i in range(at, at + 16):
+        key = lanes[i]
+        if key < first:
+            second = first
+            first = key
+        elif key < second:
+            second = key
+    out[to] = first
+    out[to + 1] = second
+
+
+@njit
+def _two_nearest(groups, ids, queries, out):
+    count, total = len(queries) // 4, len(ids) // 8
+    lanes = np.full(16 * count, np.uint64(0xFFFFFFFFFFFFFFFF))
+    for begin in range(0, total, 64):
+        size = min(64, total - begin)
+        for i in range(count):
+            keep_two(groups, ids, begin, size, queries, 4 * i, lanes, 16 * i)
+    for i in range(count):
+        smallest_two(lanes, 16 * i, out, 2 * i)
+
+
+@njit
+def _best_per_lane(groups, ids, queries, depth, out):
+    total = len(ids) // 8
+    for i in range(len(queries) // 4):
+        at = i * 8 * depth
+        if depth == 1:
+            keep_best(groups, ids, total, queries, 4 * i, out, at, 1)
+        elif depth == 2:
+            keep_best(groups, ids, total, queries, 4 * i, out, at, 2)
+        elif depth == 4:
+            keep_best(groups, ids, total, queries, 4 * i, out, at, 4)
+        else:
+            keep_best(groups, ids, total, queries, 4 * i, out, at, 8)
+
+
+def two_smallest(keys: Keys) -> Keys:
+    """Return the smallest two of each row, ascending: uint64 [n, 2]; NONE where there are fewer."""
+    padded = np.concatenate([keys, np.full((len(keys), 2), NONE)], axis=1)
+    return np.sort(np.partition(padded, 1, axis=1)[:, :2], axis=1)
+
+
+def two_nearest_keys(groups: NDArray[np.uint64], ids: NDArray[np.int32], queries: NDArray[np.uint8]) -> Keys:
+    """Return the keys of the two nearest descriptors of each query, uint64 [n, 2], ascending."""
+    if NATIVE:
+        out = np.empty((len(queries), 2), np.uint64)
+        _two_nearest(groups, ids, np.ascontiguousarray(queries).view(np.uint64).reshape(-1), out.reshape(-1))
+        return out
+    rows = unpack(groups)
+    best = np.full((len(queries), 2), NONE)
+    for begin in range(0, len(ids), GROUP * _TILE):  # a tile at a time, so that memory stays bounded
+        part = slice(begin, begin + GROUP * _TILE)
+        best = two_smallest(np.concatenate([best, keys_of(distances(queries, rows[part]), ids[part])], axis=1))
+    return best
+
+
+def best_per_lane(groups: NDArray[np.uint64], ids: NDArray[np.int32], queries: NDArray[np.uint8], depth: int) -> Keys:
+    """Return the keys of the ``depth`` nearest descriptors among those of each of the eight places of a group.
+
+    That is nearly the 8 · depth nearest, without a selection: random descriptors do not crowd in one place.
+
+    Args:
+        groups: uint64 [g · 32].
+        ids: int32 [g · 8].
+        queries: uint8 [n, 32].
+        depth: 1, 2, 4 or 8.
+
+    Returns:
+        uint64 [n, depth, 8], rising along the second axis; NONE where a place has fewer.
+    """
+    if NATIVE:
+        out = np.empty((len(queries), depth, GROUP), np.uint64)
+        flat = np.ascontiguousarray(queries).view(np.uint64).reshape(-1)
+        _best_per_lane(groups, ids, flat, depth, out.reshape(-1))
+        return out
+    best = np.full((len(queries), depth, GROUP), NONE)
+    rows = unpack(groups)
+    for begin in range(0, len(ids), GROUP * _TILE):
+        part = slice(begin, begin + GROUP * _TILE)
+        found = keys_of(distances(queries, rows[part]), ids[part]).reshape(len(queries), -1, GROUP)
+        best = np.sort(np.concatenate([best, found], axis=1), axis=1)[:, :depth]
+    return best
+
+
+def id_of(keys: Keys) -> NDArray[np.int64]:
+    """Return the ids of keys, int64 of the same shape; -1 for NONE."""
+    return np.where(keys == NONE, -1, (keys & _LOW).astype(np.int64))
+
+
+def distance_of(keys: Keys) -> NDArray[np.int64]:
+    """Return the distances of keys, int64 of the same shape; far beyond 256 for NONE."""
+    return (keys >> np.uint64(32)).astype(np.int64)
+
+
+def two_nearest(
+    descriptors: NDArray[np.uint8], words: NDArray[np.uint8]
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the distances and indices of the two nearest of ``words`` (uint8 [m, 32]) to each of the descriptors.
+
+    Returns:
+        distance and index, int32 [n, 2] each, nearest first, ties by smaller index; index -1 (and a distance beyond
+        any real one) where there are fewer than two words.
+    """
+    keys = two_nearest_keys(*pack(words), descriptors)
+    far = np.minimum(distance_of(keys), np.iinfo(np.int32).max)
+    return far.astype(np.int32), id_of(keys).astype(np.int32)

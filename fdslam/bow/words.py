@@ -1,0 +1,289 @@
+"""The growing set of words and the search for the two nearest: exact while it is small, by lists around pivots after.
+
+While there are fewer than ``exact_below`` words every query is compared with all of them. Then PIVOTS of the words,
+drawn with a fixed seed and moved twice to the majority of the bits around them, become pivots; every word belongs to
+the list of its nearest pivot, and a query is compared with the words in the lists of its ``probes`` nearest pivots. A
+word never changes its list, so adding is an append. A word equal to a query is always found: both have the same
+nearest pivot.
+
+Lists are chains of blocks of 32 words in one pool. All queries are searched together, list by list, so that a list is
+fetched once for all that want it; each query's result depends on that query and the words alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam.bow import hamming
+from fdslam.bow.hamming import GROUP, NONE, Keys, smallest_two
+from fdslam.bow.native import NATIVE, njit, say_what_is_slow
+
+if NATIVE:
+    from fdslam.bow.vector_kernels import keep_two, prefetch
+
+PIVOTS = 8192
+BLOCK = 32  # words in a block: 1 KB
+SEED = 0
+ROUNDS = 2  # of moving the pivots: more gain nothing
+LOOSE = 1.25  # the pool is put in the order of the lists when it has grown by this since the last time
+AHEAD = 1  # lists whose words are asked for before the search reaches them
+
+
+@njit
+def _append(groups, ids, following, first, last, fill, used, words, lists, names):
+    """Put words into lists, opening blocks from ``used`` on; return how many blocks are in use then."""
+    for i in range(len(lists)):
+        chain = lists[i]
+        if last[chain] < 0 or fill[chain] == 32:
+            if last[chain] < 0:
+                first[chain] = used
+            else:
+                following[last[chain]] = used
+            last[chain] = used
+            fill[chain] = 0
+            used += 1
+        place = fill[chain]
+        group = last[chain] * 4 + place // 8
+        for part in range(4):
+            groups[group * 32 + part * 8 + place % 8] = words[4 * i + part]
+        ids[group * 8 + place % 8] = names[i]
+        fill[chain] = place + 1
+    return used
+
+
+@njit
+def _block_order(first, following, used):
+    """Return the blocks list after list, int64 [used]."""
+    order = np.empty(used, np.int64)
+    place = 0
+    for chain in range(len(first)):
+        block = first[chain]
+        while block >= 0:
+            order[place] = block
+            place += 1
+            block = following[block]
+    return order
+
+
+@njit
+def _by_list(probes, lists):
+    """Return, list after list, which queries want it (int32), and where each list begins (int32 [lists + 1])."""
+    count, width = probes.shape
+    begins = np.zeros(lists + 1, np.int32)
+    for i in range(count):
+        for p in range(width):
+            if probes[i, p] >= 0:
+                begins[probes[i, p] + 1] += 1
+    for chain in range(lists):
+        begins[chain + 1] += begins[chain]
+    queries = np.empty(begins[lists], np.int32)
+    place = begins.copy()
+    for i in range(count):
+        for p in range(width):
+            chain = probes[i, p]
+            if chain >= 0:
+                queries[place[chain]] = i
+                place[chain] += 1
+    return queries, begins
+
+
+@njit
+def _fetch(groups, ids, following, block):
+    """Ask for a list's words from this block on, ahead of the search in them."""
+    while block >= 0:
+        for line in range(16):
+            prefetch(groups, block * 128 + line * 8)
+        prefetch(ids, block * 32)
+        prefetch(ids, block * 32 + 16)
+        block = following[block]
+
+
+@njit
+def _search(groups, ids, following, first, last, fill, queries, wanting, begins, out):
+    lanes = np.full(len(queries) * 4, np.uint64(0xFFFFFFFFFFFFFFFF))
+    for chain in range(len(first)):
+        begin = begins[chain]
+        end = begins[chain + 1]
+        if begin == end:
+            continue
+        block = first[chain]
+        if chain + AHEAD < len(first) and begins[chain + AHEAD] < begins[chain + AHEAD + 1]:
+            _fetch(groups, ids, following, first[chain + AHEAD])
+        while block >= 0:
+            size = 4 if block != last[chain] else (fill[chain] + 7) // 8
+            for w in range(begin, end):
+                query = wanting[w]
+                keep_two(groups, ids, 4 * block, size, queries, 4 * query, lanes, 16 * query)
+            block = following[block]
+    for i in range(len(queries) // 4):
+        smallest_two(lanes, 16 * i, out, 2 * i)
+
+
+def choose_pivots(words: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return PIVOTS descriptors around which the words lie, uint8 [PIVOTS, 32].
+
+    Drawn from the words, then each is moved to the majority of every bit among the words nearest to it (a bit keeps
+    its value where there is no majority), ROUNDS times.
+    """
+    pivots = words[np.sort(np.random.default_rng(SEED).choice(len(words), PIVOTS, replace=False))]
+    for _ in range(ROUNDS):
+        nearest = hamming.id_of(hamming.two_nearest_keys(*hamming.pack(pivots), words)[:, 0])
+        order, members = np.argsort(nearest, kind="stable"), np.bincount(nearest, minlength=PIVOTS)
+        taken = members > 0
+        begins = (np.cumsum(members) - members)[taken]
+        ones = np.add.reduceat(np.unpackbits(words[order], axis=1), begins, axis=0, dtype=np.int32)
+        half, old = members[taken, None], np.unpackbits(pivots[taken], axis=1)
+        pivots[taken] = np.packbits(np.where(2 * ones == half, old, 2 * ones > half), axis=1)
+    return pivots
+
+
+class Words:
+    """Immutable 256-bit words that only ever grow in number; their ids are 0, 1, 2, … in the order of adding."""
+
+    def __init__(self, exact_below: int, probes: int) -> None:
+        """Start empty.
+
+        Args:
+            exact_below: the search is exact while there are fewer words than this.
+            probes: lists searched per query after that: 8, 16, 32 or 64.
+        """
+        say_what_is_slow()
+        self.exact_below, self.depth = exact_below, probes // GROUP
+        self._count = 0
+        self._pivots: tuple[NDArray[np.uint64], NDArray[np.int32]] | None = None
+        self._clear(1)
+
+    def _clear(self, lists: int) -> None:
+        self._groups = np.zeros(0, np.uint64)
+        self._ids = np.zeros(0, np.int32)
+        self._following = np.zeros(0, np.int32)
+        self._used = self._tidy = 0
+        self._first, self._last = np.full(lists, -1, np.int32), np.full(lists, -1, np.int32)
+        self._fill = np.zeros(lists, np.int32)
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the words, their ids and the lists in use."""
+        pivots = sum(array.nbytes for array in self._pivots) if self._pivots else 0
+        chains = self._first.nbytes + self._last.nbytes + self._fill.nbytes
+        return self._used * BLOCK * (32 + 4) + 4 * self._used + chains + pivots
+
+    def descriptors(self) -> NDArray[np.uint8]:
+        """Return all words in the order of their ids, uint8 [n, 32]."""
+        ids = self._ids[: self._used * BLOCK]
+        words = np.empty((self._count, 32), np.uint8)
+        words[ids[ids >= 0]] = hamming.unpack(self._groups[: self._used * BLOCK * 4])[ids >= 0]
+        return words
+
+    def arrays(self) -> dict[str, NDArray]:
+        """Return everything that is kept, for storage; ``from_arrays`` takes it back."""
+        if self._pivots is not None:
+            self._put_in_order()
+        kept: dict[str, NDArray] = {
+            "groups": self._groups[: self._used * BLOCK * 4],
+            "ids": self._ids[: self._used * BLOCK],
+        }
+        kept |= {"following": self._following[: self._used], "first": self._first, "last": self._last}
+        kept["fill"] = self._fill
+        kept["pivots"], kept["pivot_ids"] = self._pivots or (np.zeros(0, np.uint64), np.zeros(0, np.int32))
+        return kept
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray], exact_below: int, probes: int) -> Words:
+        """Return words from what ``arrays`` gave; the large ones may be mapped read-only and are not copied."""
+        words = cls(exact_below, probes)
+        words._groups, words._ids, words._following = arrays["groups"], arrays["ids"], arrays["following"]
+        words._first, words._last, words._fill = (np.array(arrays[name]) for name in ("first", "last", "fill"))
+        words._used = words._tidy = len(words._following)
+        words._count = int((words._ids >= 0).sum())
+        words._pivots = (arrays["pivots"], arrays["pivot_ids"]) if len(arrays["pivots"]) else None
+        return words
+
+    def append(self, words: NDArray[np.uint8]) -> None:
+        """Add words (uint8 [n, 32]); their ids follow on."""
+        if self._pivots is None and self._count + len(words) >= max(self.exact_below, PIVOTS):
+            everything = np.concatenate([self.descriptors(), words])
+            self._pivots = hamming.pack(choose_pivots(everything))
+            self._clear(PIVOTS)
+            self._count, words = 0, everything
+        for begin in range(0, len(words), 1 << 16):
+            self._put(words[begin : begin + (1 << 16)])
+        if self._pivots is not None and self._used > LOOSE * self._tidy:
+            self._put_in_order()
+
+    def _put_in_order(self) -> None:
+        """Lay the blocks of a list side by side: the search then reads memory in one direction."""
+        order = _block_order(self._first, self._following, self._used)
+        place = np.full(self._used + 1, -1, np.int32)  # the last one stands for "no block", -1
+        place[order] = np.arange(self._used, dtype=np.int32)
+        self._groups = self._groups[: self._used * BLOCK * 4].reshape(self._used, -1)[order].reshape(-1)
+        self._ids = self._ids[: self._used * BLOCK].reshape(self._used, -1)[order].reshape(-1)
+        self._following = place[self._following[order]]
+        self._first, self._last = place[self._first], place[self._last]
+        self._tidy = self._used
+
+    def _put(self, words: NDArray[np.uint8]) -> None:
+        if self._pivots is None:
+            lists = np.zeros(len(words), np.int64)
+        else:
+            lists = hamming.id_of(hamming.two_nearest_keys(*self._pivots, words)[:, 0])
+        self._reserve(self._used + self._new_blocks(lists))
+        if not self._groups.flags.writeable:  # mapped from a file, and there was room left in its blocks
+            self._groups, self._ids = self._groups.copy(), self._ids.copy()
+            self._following = self._following.copy()
+        names = np.arange(self._count, self._count + len(words), dtype=np.int32)
+        flat = np.ascontiguousarray(words).view(np.uint64).reshape(-1)
+        chains = (self._first, self._last, self._fill)
+        self._used = _append(self._groups, self._ids, self._following, *chains, self._used, flat, lists, names)
+        self._count += len(words)
+
+    def _new_blocks(self, lists: NDArray[np.int64]) -> int:
+        coming = np.bincount(lists, minlength=len(self._fill))
+        room = np.where(self._last >= 0, BLOCK - self._fill, 0)
+        return int(np.maximum(-(-(coming - room) // BLOCK), 0).sum())
+
+    def _reserve(self, blocks: int) -> None:
+        """Make room for so many blocks; grows by an eighth, so that adding costs the same however many there are."""
+        have = len(self._following)
+        if blocks <= have:
+            return
+        more = max(blocks, have + have // 8) - have
+        self._groups = np.concatenate([self._groups, np.zeros(more * BLOCK * 4, np.uint64)])
+        self._ids = np.concatenate([self._ids, np.full(more * BLOCK, -1, np.int32)])
+        self._following = np.concatenate([self._following, np.full(more, -1, np.int32)])
+
+    def two_nearest(self, queries: NDArray[np.uint8]) -> Keys:
+        """Return the keys ``distance << 32 | id`` of the two nearest words found, uint64 [n, 2]; NONE for no word."""
+        if self._count == 0 or len(queries) == 0:
+            return np.full((len(queries), 2), NONE)
+        if self._pivots is None:
+            size = self._used * BLOCK
+            return hamming.two_nearest_keys(self._groups[: 4 * size], self._ids[:size], queries)
+        nearest = hamming.best_per_lane(*self._pivots, queries, self.depth)
+        probes = hamming.id_of(nearest).reshape(len(queries), -1).astype(np.int32)
+        wanting, begins = _by_list(probes, PIVOTS)
+        if not NATIVE:
+            return self._search_slowly(queries, wanting, begins)
+        out = np.empty((len(queries), 2), np.uint64)
+        flat = np.ascontiguousarray(queries).view(np.uint64).reshape(-1)
+        pool = (self._groups, self._ids, self._following, self._first, self._last, self._fill)
+        _search(*pool, flat, wanting, begins, out.reshape(-1))
+        return out
+
+    def _search_slowly(self, queries: NDArray[np.uint8], wanting: NDArray, begins: NDArray) -> Keys:
+        best = np.full((len(queries), 2), NONE)
+        for chain in np.flatnonzero(np.diff(begins)):
+            who, block = wanting[begins[chain] : begins[chain + 1]], self._first[chain]
+            while block >= 0:
+                words = hamming.unpack(self._groups[block * BLOCK * 4 : (block + 1) * BLOCK * 4])
+                ids = self._ids[block * BLOCK : (block + 1) * BLOCK]
+                found = hamming.keys_of(hamming.distances(queries[who], words), ids)
+                best[who] = hamming.two_smallest(np.concatenate([best[who], found], axis=1))
+                block = self._following[block]
+        return best

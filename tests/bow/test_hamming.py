@@ -1,0 +1,75 @@
+import faiss
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fdslam.bow import hamming
+from tests import reference
+
+
+def descriptors(seed, count):
+    """Half of them near copies of a few, so that equal distances and distance 0 happen."""
+    rng = np.random.default_rng(seed)
+    few = rng.integers(0, 256, (4, 32), dtype=np.uint8)
+    copies = few[rng.integers(0, 4, count)] ^ (rng.random((count, 32)) < 0.03).astype(np.uint8)
+    return np.where(rng.random((count, 1)) < 0.5, copies, rng.integers(0, 256, (count, 32), dtype=np.uint8))
+
+
+@pytest.fixture(params=["compiled", "numpy"])
+def path(request, monkeypatch):
+    monkeypatch.setattr(hamming, "NATIVE", request.param == "compiled")
+
+
+def loops(queries, words):
+    return [sorted((reference.hamming(q, w), i) for i, w in enumerate(words)) for q in queries]
+
+
+@pytest.mark.usefixtures("path")
+@pytest.mark.parametrize("count", [0, 1, 2, 7, 8, 9, 40])
+def test_two_nearest_are_those_of_the_loops(count):
+    queries, words = descriptors(count, 5), descriptors(count + 100, count)
+    distance, index = hamming.two_nearest(queries, words)
+    for i, ordered in enumerate(loops(queries, words)):
+        known = ordered[:2]
+        assert list(zip(distance[i, : len(known)], index[i, : len(known)], strict=True)) == known
+        assert (index[i, len(known) :] == -1).all()
+        assert (distance[i, len(known) :] > 256).all()
+
+
+@pytest.mark.usefixtures("path")
+@pytest.mark.parametrize("depth", [1, 2, 4, 8])
+def test_best_per_lane_are_those_of_the_loops(depth):
+    queries, words = descriptors(depth, 3), descriptors(depth + 50, 21)
+    keys = hamming.best_per_lane(*hamming.pack(words), queries, depth)
+    for i, ordered in enumerate(loops(queries, words)):
+        for lane in range(8):
+            mine = [(d, w) for d, w in ordered if w % 8 == lane][:depth]
+            found = zip(hamming.distance_of(keys[i, :, lane]), hamming.id_of(keys[i, :, lane]), strict=True)
+            assert list(found)[: len(mine)] == mine
+            assert (keys[i, len(mine) :, lane] == hamming.NONE).all()
+
+
+@given(st.integers(0, 1000), st.integers(0, 70))
+def test_pack_and_unpack_are_inverse(seed, count):
+    words = descriptors(seed, count)
+    groups, ids = hamming.pack(words)
+    assert np.array_equal(hamming.unpack(groups)[ids >= 0], words)
+    assert ids[ids >= 0].tolist() == list(range(count))
+
+
+def test_many_tiles_against_an_independent_library():
+    queries, words = descriptors(1, 50), descriptors(2, 3000)
+    index = faiss.IndexBinaryFlat(256)
+    index.add(words)
+    expected, _ = index.search(queries, 2)
+    for native in (True, False):
+        hamming.NATIVE, kept = native, hamming.NATIVE
+        try:
+            distance, found = hamming.two_nearest(queries, words)
+        finally:
+            hamming.NATIVE = kept
+        assert np.array_equal(distance, expected)
+        assert [[reference.hamming(q, words[i]) for i in row] for q, row in zip(queries, found, strict=True)] == (
+            expected.tolist()
+        )
