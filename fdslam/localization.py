@@ -8,7 +8,8 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.index import InvertedFile, ranks_of
+from fdslam.bow.index import InvertedFile
+from fdslam.bow.lists import ranks_of
 from fdslam.config import Retrieval
 from fdslam.types import Boxes, Localization
 

@@ -15,7 +15,8 @@ import numpy as np
 import torch
 
 from fdslam.autoencoder import fit_place, input_size
-from fdslam.bow.index import InvertedFile, ranks_of
+from fdslam.bow.index import InvertedFile
+from fdslam.bow.lists import ranks_of
 from fdslam.bow.orb import extract
 from fdslam.bow.vocabulary import Vocabulary
 from fdslam.config import Autoencoder, Fd, Keypoints, Orb

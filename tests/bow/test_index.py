@@ -1,9 +1,12 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fdslam.bow.index import IDF_ONE, InvertedFile, ranks_of
+from fdslam.bow.index import IDF_ONE, InvertedFile
+from fdslam.bow.lists import ranks_of
 from tests import reference
 
 
@@ -31,20 +34,6 @@ def test_order_of_keypoints_boxes_and_images_changes_nothing(seed):
     assert np.array_equal(mixed, plain[j][:, m])
 
 
-@given(
-    st.lists(st.lists(st.integers(0, 3), min_size=5, max_size=5), min_size=1, max_size=4),
-    st.sampled_from(["last", "next"]),
-)
-def test_ranks_equal_the_loops(scores, unretrieved):
-    assert np.array_equal(ranks_of(np.array(scores), unretrieved), reference.ranks(scores, unretrieved))
-
-
-def test_ties_share_the_best_rank_of_their_group():
-    scores = np.array([[5, 7, 5, 0, 0]])
-    assert ranks_of(scores, "next").tolist() == [[2, 1, 2, 4, 4]]
-    assert ranks_of(scores, "last").tolist() == [[2, 1, 2, 5, 5]]
-
-
 @pytest.mark.parametrize("keypoints", [0, 3])
 def test_nothing_known_scores_zero(keypoints):
     index = InvertedFile([np.array([0, 1], np.int32), np.array([1], np.int32)], 2)
@@ -56,3 +45,64 @@ def test_a_word_in_every_image_says_nothing():
     index = InvertedFile([np.array([0, 1], np.int32), np.array([0], np.int32)], 2)
     assert index.scores(np.array([0], np.int32), np.ones((1, 1), bool), "ibow").tolist() == [[0, 0]]
     assert index.scores(np.array([1], np.int32), np.ones((1, 1), bool), "ibow")[0, 0] == round(np.log(2) * IDF_ONE)
+
+
+@given(st.integers(0, 10_000), st.lists(st.integers(0, 6), max_size=5))
+def test_adding_image_by_image_is_indexing_at_once(seed, cuts):
+    map_words, words, query, inside = scene(seed)
+    at_once = InvertedFile(map_words, words).scores(query, inside, "ibow")
+    grown = InvertedFile([], 0)
+    bounds = [0, *sorted(cuts), 6]
+    for begin, end in pairwise(bounds):
+        known = max((int(w.max(initial=-1)) for w in map_words[:end]), default=-1) + 1  # the vocabulary grows too
+        grown.add(map_words[begin:end], known)
+    grown.add([], words)
+    assert np.array_equal(grown.scores(query, inside, "ibow"), at_once)
+
+
+@given(st.integers(0, 10_000), st.sets(st.integers(0, 5)), st.booleans())
+def test_a_removed_session_leaves_the_index_of_the_rest(seed, gone, one_by_one):
+    map_words, words, query, inside = scene(seed)
+    index = InvertedFile([] if one_by_one else map_words, words)
+    for each in map_words if one_by_one else []:
+        index.add([each], words)
+    index.remove(np.array(sorted(gone), np.int64))
+    rest = [w for m, w in enumerate(map_words) if m not in gone]
+    assert index.images == len(rest)
+    expected = reference.scores([list(w) for w in rest], list(query), inside, "ibow", IDF_ONE)
+    assert np.array_equal(index.scores(query, inside, "ibow"), expected)
+    index.add([map_words[0]], words)
+    again = reference.scores([list(w) for w in [*rest, map_words[0]]], list(query), inside, "ibow", IDF_ONE)
+    assert np.array_equal(index.scores(query, inside, "ibow"), again)
+
+
+@given(st.integers(0, 10_000), st.sampled_from([2, 3, 7]), st.sampled_from(["last", "next"]))
+def test_splitting_storing_and_batches_change_no_rank(seed, parts, unretrieved):
+    map_words, words, query, inside = scene(seed)
+    dense = reference.scores([list(w) for w in map_words], list(query), inside, "ibow", IDF_ONE)
+    expected = reference.ranks(dense, unretrieved)
+    index = InvertedFile(map_words[:4], words)
+    index.add(map_words[4:], words)
+    split = np.concatenate([part.scores(query, inside, "ibow") for part in index.split(parts)], axis=1)
+    assert np.array_equal(ranks_of(split, unretrieved), expected)
+    other, where = query[::-1].copy(), inside[:2]
+    batch = index.batch_scores([(other, where), (query, inside), (query[:0], inside[:1, :0])], "ibow")
+    assert np.array_equal(batch[:2], index.scores(other, where, "ibow"))
+    assert np.array_equal(ranks_of(batch[2:-1], unretrieved), expected)
+    assert not batch[-1].any()
+    arrays = index.arrays()
+    for array in arrays.values():
+        array.flags.writeable = False  # as if mapped from a file
+    stored = InvertedFile.from_arrays(arrays)
+    assert np.array_equal(ranks_of(stored.scores(query, inside, "ibow"), unretrieved), expected)
+    stored.add(map_words, words)
+    index.add(map_words, words)
+    assert np.array_equal(stored.scores(query, inside, "tfidf"), index.scores(query, inside, "tfidf"))
+
+
+def test_a_word_more_often_than_a_byte_holds():
+    index = InvertedFile([np.zeros(300, np.int32), np.array([1], np.int32)], 2)
+    assert index.scores(np.array([0], np.int32), np.ones((1, 1), bool), "ibow")[0].tolist() == [
+        300 * round(np.log(2) * IDF_ONE),
+        0,
+    ]
