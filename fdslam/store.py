@@ -44,8 +44,8 @@ def _umask() -> int:
     return mask
 
 
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write ``data`` to ``path`` so that a kill at any moment leaves the old file or the new one, never a torn one.
+def write_atomically(path: Path, *data: bytes | memoryview) -> None:
+    """Write the pieces of ``data`` to ``path``: a kill at any moment leaves the old file or the new one, never a torn one.
 
     Raises:
         InputError: the folder cannot be written or the disk is full.
@@ -55,7 +55,8 @@ def write_atomically(path: Path, data: bytes) -> None:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".partial")
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(data)
+                for piece in data:
+                    file.write(piece)
                 file.flush()
                 os.fsync(file.fileno())
             os.chmod(temporary, 0o666 & ~_umask())  # mkstemp makes files that nobody else may read

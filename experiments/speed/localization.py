@@ -1,0 +1,156 @@
+"""Localisation in a growing map, in one run: python -m experiments.speed.localization [--small] [--json FILE]
+
+CPU time of one thread, in units of U, the time of OpenCV's brute-force Hamming 2-NN of 1490 × 1490 descriptors in the
+same run. The map is built from real photographs, or from campus views where there are none, seen again and again under
+random homographies and photometric changes (see views.py); queries are other photographs of the same places.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from experiments.speed.stages import OBBS, cpu_seconds, random_boxes
+from experiments.speed.views import HEIGHT, KEYPOINTS, WIDTH, features, places
+from fdslam.bow import hamming, mapfile
+from fdslam.bow.index import InvertedFile
+from fdslam.bow.lists import ranks_of
+from fdslam.bow.vocabulary import Vocabulary
+from fdslam.bow.words import Words
+from fdslam.localization import keypoints_inside
+from fdslam.progress import progress, single_threaded
+from fdslam.types import Features
+
+REAL = Path(__file__).parents[3] / "shared" / "data"
+SIZES, SMALL = (250, 500, 1000, 2000, 3000), (50, 100, 200)
+QUERIES, EXACT_QUERIES, ADDED = 12, 6, 25
+# What the C++ costs (iBoW-LCD), measured once elsewhere in the same unit: full image + 64 lists, adding an image.
+CPP = {250: (147, 10), 500: (173, 12), 1000: (233, 15), 2000: (273, 19), 3000: (232, 21)}
+
+
+@dataclass
+class Measured:
+    """One map size; times in seconds of CPU."""
+
+    size: int
+    words: int
+    lists: float  # full image + 64 OBBs, from descriptors to complete ranks
+    search: float  # of it, the search of words
+    add: float  # one image, from descriptors to postings
+    bytes_per_image: float
+    recall: float  # word recall@1 against exact search
+    load: float = field(default=0.0)  # wall time of loading the map, checksum included
+
+
+def localize(vocabulary: Vocabulary, index: InvertedFile, query: Features, boxes: np.ndarray) -> np.ndarray:
+    """Return the ranks of all map images in the list of every box, int32 [J, M], from descriptors and positions."""
+    words = vocabulary.match(query.descriptors)
+    return ranks_of(index.scores(words, keypoints_inside(boxes, query.xy), "ibow"), "last")
+
+
+def word_recall(words: Words, queries: list[Features]) -> float:
+    """Return the share of keypoints for which the search returns the very word that exact search returns."""
+    exact = hamming.pack(words.descriptors())
+    hits = [
+        words.two_nearest(q.descriptors)[:, 0] == hamming.two_nearest_keys(*exact, q.descriptors)[:, 0] for q in queries
+    ]
+    return float(np.concatenate(hits).mean())
+
+
+def load_seconds(vocabulary: Vocabulary, index: InvertedFile) -> float:
+    """Return the wall time from a saved map to one that answers."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "map"
+        mapfile.save(path, vocabulary.words.arrays() | index.arrays(), 1, {})
+        begin = time.perf_counter()
+        arrays, _ = mapfile.load(path, 1)
+        Words.from_arrays(arrays, 100_000, 32)
+        InvertedFile.from_arrays(arrays)
+        return time.perf_counter() - begin
+
+
+def at_size(vocabulary: Vocabulary, index: InvertedFile, add: float, queries: list[Features]) -> Measured:
+    """Measure the map as it is now."""
+    boxes = np.concatenate([random_boxes(np.random.default_rng(0)), [[0, 0, WIDTH, HEIGHT]]]).astype(np.float32)
+    lists = np.mean([cpu_seconds(lambda q=q: localize(vocabulary, index, q, boxes)) for q in queries])
+    search = np.mean([cpu_seconds(lambda q=q: vocabulary.match(q.descriptors)) for q in queries])
+    kept = (vocabulary.words.nbytes + index.nbytes) / index.images
+    recall = word_recall(vocabulary.words, queries[:EXACT_QUERIES])
+    loading = load_seconds(vocabulary, index)
+    return Measured(index.images, len(vocabulary), float(lists), float(search), add, kept, recall, loading)
+
+
+def grow(sizes: tuple[int, ...]) -> tuple[str, list[Measured]]:
+    """Build the map image by image and measure it at every size."""
+    base = places(REAL)
+    step = max(len(base.query) // QUERIES, 1)
+    found = (next(features(base.query, range(i, i + 1), 1)) for i in range(0, len(base.query), step))
+    queries = [q for q in found if len(q.xy) == KEYPOINTS][:QUERIES]
+    vocabulary, index, times, measured = Vocabulary(0.8), InvertedFile([], 0), [], []
+    for one in progress(features(base.map, range(sizes[-1]), 0), sizes[-1], "map images"):
+        begin = time.thread_time()
+        words = vocabulary.learn(one.descriptors)
+        index.add([words], len(vocabulary))
+        times.append(time.thread_time() - begin)
+        if index.images in sizes:
+            measured.append(at_size(vocabulary, index, float(np.mean(times[-ADDED:])), queries))
+    return base.name, measured
+
+
+def table(unit: float, rows: list[Measured]) -> str:
+    """Return the measurements as Markdown."""
+    lines = [
+        "| M | words | full + 64 lists | of it word search | C++ | add | C++ | KB / image | word recall@1 | load |",
+        "|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for row in rows:
+        cpp = CPP.get(row.size, ("", ""))
+        lines.append(
+            f"| {row.size} | {row.words} | {row.lists / unit:.2f} U | {row.search / unit:.2f} U | {cpp[0]} | "
+            f"{row.add / unit:.2f} U | {cpp[1]} | {row.bytes_per_image / 1000:.1f} | {row.recall:.3f} | "
+            f"{row.load:.2f} s |"
+        )
+    return "\n".join(lines)
+
+
+def figures(unit: float, rows: list[Measured]) -> dict[str, object]:
+    """Return what a machine reads: the last row, and how the time grows from the first."""
+    last = rows[-1]
+    return {
+        "U_ms": 1000 * unit,
+        "lists64_U": last.lists / unit,
+        "lists64_growth_250_to_3000": last.lists / rows[0].lists if (rows[0].size, last.size) == (250, 3000) else None,
+        "add_U": last.add / unit,
+        "bytes_per_image": last.bytes_per_image,
+        "word_recall_at_1": last.recall,
+        "load_s": last.load,
+        "map_sizes": [row.size for row in rows],
+    }
+
+
+def main() -> None:
+    """Print the table; write the figures where --json says."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--small", action="store_true", help=f"maps of {SMALL} images instead of {SIZES}")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures there")
+    arguments = parser.parse_args()
+    single_threaded()
+    descriptors = np.random.default_rng(1).integers(0, 256, (KEYPOINTS, 32), dtype=np.uint8)
+    unit = cpu_seconds(lambda: cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(descriptors, descriptors, 2))
+    name, rows = grow(SMALL if arguments.small else SIZES)
+    unit = min(unit, cpu_seconds(lambda: cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(descriptors, descriptors, 2)))
+    print(f"U = {1000 * unit:.1f} ms; {name} of {WIDTH} × {HEIGHT}, {KEYPOINTS} keypoints, {OBBS} OBBs\n")
+    print(table(unit, rows))
+    if arguments.json:
+        arguments.json.write_text(json.dumps(figures(unit, rows), indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

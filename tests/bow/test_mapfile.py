@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+from safetensors.numpy import load_file
+
+from fdslam.bow.index import InvertedFile
+from fdslam.bow.mapfile import load, save
+from fdslam.bow.words import Words
+from fdslam.errors import InputError
+from tests.bow.test_words import distinct
+
+ARRAYS = {
+    "a": np.arange(5, dtype=np.uint8),
+    "b": np.arange(6, dtype=np.uint64).reshape(2, 3),
+    "c": np.zeros(0, np.int32),
+}
+
+
+@pytest.fixture
+def file(tmp_path):
+    save(tmp_path / "map", ARRAYS, 3, {"ratio": 0.8})
+    return tmp_path / "map"
+
+
+def test_comes_back_mapped_and_aligned(file):
+    arrays, settings = load(file, 3)
+    assert settings == {"ratio": 0.8}
+    for name, array in ARRAYS.items():
+        assert np.array_equal(arrays[name], array)
+        assert arrays[name].dtype == array.dtype
+        assert not arrays[name].flags.writeable
+        assert arrays[name].ctypes.data % array.itemsize == 0
+    assert all(np.array_equal(array, ARRAYS[name]) for name, array in load_file(file).items())
+
+
+@pytest.mark.parametrize("at", [0, 3, 20, -1, -30])
+def test_any_damage_is_named(file, at):
+    data = bytearray(file.read_bytes())
+    data[at] ^= 0xFF
+    file.write_bytes(data)
+    with pytest.raises(InputError, match=r"map: (not a map|damaged|a map of version).*build the map again"):
+        load(file, 3)
+
+
+@pytest.mark.parametrize("size", [0, 4, 8, 60, 200, 300])
+def test_a_cut_file_is_named(file, size):
+    file.write_bytes(file.read_bytes()[:size])
+    with pytest.raises(InputError, match=r"map: not a map, or cut short; build the map again"):
+        load(file, 3)
+
+
+def test_absent_and_of_another_version(file, tmp_path):
+    with pytest.raises(InputError, match=r"nothing: cannot be read \(No such file"):
+        load(tmp_path / "nothing", 3)
+    with pytest.raises(InputError, match="version 3, this program reads version 4"):
+        load(file, 4)
+
+
+def test_words_and_index_go_on_from_a_file(tmp_path):
+    words = distinct(0, 300)
+    search = Words(10_000, 32)
+    search.append(words[:200])
+    index = InvertedFile([np.arange(200, dtype=np.int32)], 200)
+    save(tmp_path / "map", search.arrays() | index.arrays(), 1, {})
+    arrays, _ = load(tmp_path / "map", 1)
+    again, stored = Words.from_arrays(arrays, 10_000, 32), InvertedFile.from_arrays(arrays)
+    again.append(words[200:])
+    stored.add([np.arange(100, 300, dtype=np.int32)], 300)
+    assert np.array_equal(again.descriptors(), words)
+    known = np.arange(300, dtype=np.int32)
+    assert stored.scores(known, np.ones((1, 300), bool), "ibow").shape == (1, 2)
+    assert np.array_equal(load(tmp_path / "map", 1)[0]["holding"], np.ones(200))  # the file is as it was
