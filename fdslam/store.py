@@ -45,7 +45,7 @@ def _umask() -> int:
 
 
 def write_atomically(path: Path, *data: bytes | memoryview) -> None:
-    """Write the pieces of ``data`` to ``path``: a kill at any moment leaves the old file or the new one, never a torn one.
+    """Write the pieces of ``data`` to ``path``: a kill at any time leaves the old file or the new, never a torn one.
 
     Raises:
         InputError: the folder cannot be written or the disk is full.

@@ -20,7 +20,7 @@ _TILE = 64  # groups: 16 KB of descriptors stay in the first cache while every q
 Keys = NDArray[np.uint64]
 
 if NATIVE:
-    from fdslam.bow.vector_kernels import keep_best, keep_two
+    from fdslam.bow.vector_kernels import keep_best, lanes_within, write_keys
 
 
 def pack(descriptors: NDArray[np.uint8]) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
@@ -55,30 +55,37 @@ def keys_of(distance: NDArray[np.int64], ids: NDArray[np.int32]) -> Keys:
 
 
 @njit
-def smallest_two(lanes, at, out, to):
-    """Write the smallest two of the 16 keys from ``at`` on to ``out[to]`` and ``out[to + 1]``."""
-    first = second = np.uint64(0xFFFFFFFFFFFFFFFF)
-    for i in range(at, at + 16):
-        key = lanes[i]
-        if key < first:
-            second = first
-            first = key
-        elif key < second:
-            second = key
-    out[to] = first
-    out[to + 1] = second
+def scan(groups, ids, begin, end, queries, offset, out, at, keys):
+    """Compare groups ``begin`` to ``end`` with the query at ``offset`` and update its two smallest keys at ``out[at]``.
+
+    Few groups hold a descriptor nearer than the second best so far; only their keys are looked at one by one.
+    """
+    q0, q1, q2, q3 = queries[offset], queries[offset + 1], queries[offset + 2], queries[offset + 3]
+    first = out[at]
+    second = out[at + 1]
+    limit = second >> np.uint64(32)
+    for group in range(begin, end):
+        if lanes_within(groups, group, q0, q1, q2, q3, limit) != 0:
+            write_keys(groups, ids, group, q0, q1, q2, q3, keys)
+            for lane in range(8):
+                key = keys[lane]
+                if key < first:
+                    second = first
+                    first = key
+                elif key < second:
+                    second = key
+            limit = second >> np.uint64(32)
+    out[at] = first
+    out[at + 1] = second
 
 
 @njit
 def _two_nearest(groups, ids, queries, out):
     count, total = len(queries) // 4, len(ids) // 8
-    lanes = np.full(16 * count, np.uint64(0xFFFFFFFFFFFFFFFF))
+    keys = np.empty(8, np.uint64)
     for begin in range(0, total, 64):
-        size = min(64, total - begin)
         for i in range(count):
-            keep_two(groups, ids, begin, size, queries, 4 * i, lanes, 16 * i)
-    for i in range(count):
-        smallest_two(lanes, 16 * i, out, 2 * i)
+            scan(groups, ids, begin, min(begin + 64, total), queries, 4 * i, out, 2 * i, keys)
 
 
 @njit
@@ -105,7 +112,7 @@ def two_smallest(keys: Keys) -> Keys:
 def two_nearest_keys(groups: NDArray[np.uint64], ids: NDArray[np.int32], queries: NDArray[np.uint8]) -> Keys:
     """Return the keys of the two nearest descriptors of each query, uint64 [n, 2], ascending."""
     if NATIVE:
-        out = np.empty((len(queries), 2), np.uint64)
+        out = np.full((len(queries), 2), NONE)
         _two_nearest(groups, ids, np.ascontiguousarray(queries).view(np.uint64).reshape(-1), out.reshape(-1))
         return out
     rows = unpack(groups)

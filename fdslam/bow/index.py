@@ -94,6 +94,7 @@ class InvertedFile:
         """
         self.images = 0  # M of idf: that of the whole map, also in a part of it
         self.first = 0  # the map id of this part's first image
+        self.vocabulary_size = 0
         self._segments: list[Segment] = []
         self._holding = np.zeros(0, np.int32)  # M_w
         self.add(words, vocabulary_size)
@@ -105,8 +106,10 @@ class InvertedFile:
 
     def add(self, words: Sequence[NDArray[np.int32]], vocabulary_size: int) -> None:
         """Append images after those there; the result is that of an index built at once."""
-        if vocabulary_size > len(self._holding):
-            self._holding = np.append(self._holding, np.zeros(vocabulary_size - len(self._holding), np.int32))
+        self.vocabulary_size = max(self.vocabulary_size, vocabulary_size)
+        if vocabulary_size > len(self._holding):  # an eighth more than asked, so that the copies cost little
+            more = vocabulary_size + vocabulary_size // 8 - len(self._holding)
+            self._holding = np.append(self._holding, np.zeros(more, np.int32))
         image = np.repeat(np.arange(len(words), dtype=np.int64) + self.images, [len(w) for w in words])
         word = np.concatenate([np.zeros(0, np.int32), *words])
         posted = word != NO_WORD
@@ -116,7 +119,7 @@ class InvertedFile:
         self._size = self.images
 
     def _push(self, new: Segment) -> None:
-        np.add.at(self._holding, new.word, np.diff(new.begin).astype(np.int32))
+        self._holding[new.word] += np.diff(new.begin).astype(np.int32)
         while self._segments and len(self._segments[-1].image) <= len(new.image):
             old = self._segments.pop()
             word, image, count = zip(
@@ -145,6 +148,7 @@ class InvertedFile:
             part = InvertedFile([], 0)
             chosen = (begin <= ids) & (ids < end)
             part._segments = [one.of(chosen, (ids - begin).astype(np.int32)) for one in self._segments]
+            part.vocabulary_size = self.vocabulary_size
             part.images, part._holding, part._size, part.first = (
                 self.images,
                 self._holding,
@@ -205,7 +209,7 @@ class InvertedFile:
         """Return everything that is kept, merged into one segment, for storage; ``from_arrays`` takes it back."""
         whole = self.remerged()
         return {"word": whole.word, "begin": whole.begin, "image": whole.image, "count": whole.count} | {
-            "holding": self._holding,
+            "holding": self._holding[: self.vocabulary_size],
             "images": np.array([self.images]),
         }
 
@@ -221,6 +225,7 @@ class InvertedFile:
         index = cls([], 0)
         index._segments = [Segment(*(arrays[name] for name in ("word", "begin", "image", "count")))]
         index._holding = np.array(arrays["holding"])
+        index.vocabulary_size = len(index._holding)
         index.images = index._size = int(arrays["images"][0])
         return index
 

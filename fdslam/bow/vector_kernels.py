@@ -44,48 +44,57 @@ def _pointer(context: Any, builder: Any, kind: Any, array: Any) -> Any:
     return context.make_array(kind)(context, builder, array).data
 
 
-def _query(builder: Any, pointer: Any, offset: Any) -> list[Any]:
-    """Return the four 64-bit parts of a query, each repeated eight times."""
-    parts, undefined = [], ir.Constant(_EIGHT, ir.Undefined)
-    for part in range(4):
-        value = builder.load(_at(builder, _at(builder, pointer, offset), part))
-        first = builder.insert_element(undefined, value, ir.Constant(_I32, 0))
-        parts.append(builder.shuffle_vector(first, undefined, ir.Constant(_EIGHT_IDS, [0] * 8)))
-    return parts
+def _repeated(builder: Any, value: Any) -> Any:
+    """Return a 64-bit integer eight times."""
+    undefined = ir.Constant(_EIGHT, ir.Undefined)
+    first = builder.insert_element(undefined, value, ir.Constant(_I32, 0))
+    return builder.shuffle_vector(first, undefined, ir.Constant(_EIGHT_IDS, [0] * 8))
 
 
-def _keys(builder: Any, groups: Any, ids: Any, group: Any, query: list[Any]) -> Any:
-    """Return distance << 32 | id of a group's eight descriptors; an id of -1, sign-extended, gives the largest key."""
+def _distances(builder: Any, groups: Any, group: Any, query: list[Any]) -> Any:
+    """Return the Hamming distances of a group's eight descriptors."""
     base = _at(builder, groups, builder.mul(group, ir.Constant(_I64, 32)))
     distance = None
     for part in range(4):
         bits = builder.xor(_load(builder, _at(builder, base, 8 * part), _EIGHT, 8), query[part])
         count = _call(builder, "ctpop", bits)
         distance = count if distance is None else builder.add(distance, count)
+    return distance
+
+
+def _keys(builder: Any, groups: Any, ids: Any, group: Any, query: list[Any]) -> Any:
+    """Return distance << 32 | id of a group's eight descriptors; an id of -1, sign-extended, gives the largest key."""
+    distance = _distances(builder, groups, group, query)
     first = _at(builder, ids, builder.mul(group, ir.Constant(_I64, 8)))
     names = builder.sext(_load(builder, first, _EIGHT_IDS, 4), _EIGHT)
     return builder.or_(builder.shl(distance, _SHIFT), names)
 
 
 @intrinsic
-def keep_two(context, groups, ids, first, count, queries, offset, lanes, at):
-    """Compare groups ``first`` to ``first + count`` with the query at ``offset``; update the lanes from ``at`` on.
-
-    ``lanes[at:at + 8]`` are the smallest keys of the eight places so far, ``lanes[at + 8:at + 16]`` the second ones.
-    """
-    i64 = types.int64
-    signature = types.void(groups, ids, i64, i64, queries, i64, lanes, i64)
+def lanes_within(context, groups, group, q0, q1, q2, q3, limit):
+    """Return, as bits of an integer, which of a group's eight descriptors lie within ``limit`` of the query."""
+    u64 = types.uint64
+    signature = types.uint8(groups, types.int64, u64, u64, u64, u64, u64)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        arrays = {i: _pointer(context, builder, signature.args[i], arguments[i]) for i in (0, 1, 4, 6)}
-        query = _query(builder, arrays[4], arguments[5])
-        places = [_at(builder, arrays[6], builder.add(arguments[7], ir.Constant(_I64, shift))) for shift in (0, 8)]
-        best = [cgutils.alloca_once_value(builder, _load(builder, place, _EIGHT, 8)) for place in places]
-        with cgutils.for_range(builder, arguments[3]) as loop:
-            group = builder.add(arguments[2], loop.index)
-            _sink(builder, _keys(builder, arrays[0], arrays[1], group, query), best)
-        for place, kept in zip(places, best, strict=True):
-            _store(builder, builder.load(kept), place)
+        pointer = _pointer(context, builder, signature.args[0], arguments[0])
+        distance = _distances(builder, pointer, arguments[1], [_repeated(builder, q) for q in arguments[2:6]])
+        near = builder.icmp_unsigned("<=", distance, _repeated(builder, arguments[6]))
+        return builder.bitcast(near, ir.IntType(8))
+
+    return signature, generate
+
+
+@intrinsic
+def write_keys(context, groups, ids, group, q0, q1, q2, q3, out):
+    """Write the keys of a group's eight descriptors to the beginning of ``out``."""
+    u64 = types.uint64
+    signature = types.void(groups, ids, types.int64, u64, u64, u64, u64, out)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        arrays = {i: _pointer(context, builder, signature.args[i], arguments[i]) for i in (0, 1, 7)}
+        query = [_repeated(builder, q) for q in arguments[3:7]]
+        _store(builder, _keys(builder, arrays[0], arrays[1], arguments[2], query), arrays[7])
         return context.get_dummy_value()
 
     return signature, generate
@@ -109,7 +118,8 @@ def keep_best(context, groups, ids, count, queries, offset, out, at, depth):
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         arrays = {i: _pointer(context, builder, signature.args[i], arguments[i]) for i in (0, 1, 3, 5)}
-        query = _query(builder, arrays[3], arguments[4])
+        start = _at(builder, arrays[3], arguments[4])
+        query = [_repeated(builder, builder.load(_at(builder, start, part))) for part in range(4)]
         best = [cgutils.alloca_once_value(builder, _LARGEST) for _ in range(depth.literal_value)]
         with cgutils.for_range(builder, arguments[2]) as loop:
             _sink(builder, _keys(builder, arrays[0], arrays[1], loop.index, query), best)

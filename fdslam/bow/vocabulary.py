@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.hamming import distance_of, id_of
+from fdslam.bow.hamming import Keys, distance_of, id_of
 from fdslam.bow.words import Words
 
 NO_WORD = -1
@@ -35,7 +35,9 @@ class Vocabulary:
         With fewer than two words there is no second nearest, so the test cannot be passed. Two words are never equal,
         and of equally near ones the older is the nearest.
         """
-        keys = self.words.two_nearest(descriptors)
+        return self._tested(self.words.two_nearest(descriptors))
+
+    def _tested(self, keys: Keys) -> NDArray[np.int32]:
         nearest, second = distance_of(keys).T
         word = id_of(keys)
         accepted = (word[:, 1] >= 0) & (nearest <= self.ratio * second)
@@ -50,22 +52,28 @@ class Vocabulary:
 
         Equal descriptors of one image are one word, so no two words are ever equal.
         """
-        words = self.match(descriptors)
-        new = words == NO_WORD
-        if new.any():
-            unknown, inverse = unique_rows(descriptors[new])
+        keys, lists = self.words.search(descriptors)
+        words = self._tested(keys)
+        new = np.flatnonzero(words == NO_WORD)
+        if len(new):
+            first, inverse = distinct_rows(descriptors[new])
             words[new] = len(self) + inverse
-            self.append(unknown)
+            self.words.append(descriptors[new[first]], lists[new[first]])
         return words
 
 
-def unique_rows(rows: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
-    """Return the distinct rows in order of first appearance, and for each row the index of its like."""
-    _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    place = np.empty(len(order), np.int32)
-    place[order] = np.arange(len(order), dtype=np.int32)
-    return rows[np.sort(first)], place[inverse.reshape(-1)]
+def distinct_rows(rows: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return where the distinct rows (uint8 [n, 32]) appear first, in that order, and for each row which it is."""
+    quarters = np.ascontiguousarray(rows).view(np.uint64)
+    order = np.lexsort(quarters.T)
+    rising = quarters[order]
+    starts = np.concatenate([[True], (rising[1:] != rising[:-1]).any(axis=1)])
+    first = np.minimum.reduceat(order, np.flatnonzero(starts))
+    place = np.empty(len(first), np.int32)
+    place[np.argsort(first)] = np.arange(len(first), dtype=np.int32)
+    inverse = np.empty(len(rows), np.int32)
+    inverse[order] = place[np.cumsum(starts) - 1]
+    return np.sort(first), inverse
 
 
 def replay(vocabulary: Vocabulary, images: Iterable[tuple[NDArray[np.uint8], NDArray[np.int32]]]) -> Iterator[None]:

@@ -18,17 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.bow import hamming
-from fdslam.bow.hamming import GROUP, NONE, Keys, smallest_two
+from fdslam.bow.hamming import GROUP, NONE, Keys, scan
 from fdslam.bow.native import NATIVE, njit, say_what_is_slow
 
 if NATIVE:
-    from fdslam.bow.vector_kernels import keep_two, prefetch
+    from fdslam.bow.vector_kernels import prefetch
 
 PIVOTS = 8192
 BLOCK = 32  # words in a block: 1 KB
 SEED = 0
 ROUNDS = 2  # of moving the pivots: more gain nothing
-LOOSE = 1.25  # the pool is put in the order of the lists when it has grown by this since the last time
+LOOSE = 1.1  # the pool is put in the order of the lists when it has grown by this since the last time
 AHEAD = 1  # lists whose words are asked for before the search reaches them
 
 
@@ -103,7 +103,7 @@ def _fetch(groups, ids, following, block):
 
 @njit
 def _search(groups, ids, following, first, last, fill, queries, wanting, begins, out):
-    lanes = np.full(len(queries) * 4, np.uint64(0xFFFFFFFFFFFFFFFF))
+    keys = np.empty(8, np.uint64)
     for chain in range(len(first)):
         begin = begins[chain]
         end = begins[chain + 1]
@@ -116,10 +116,8 @@ def _search(groups, ids, following, first, last, fill, queries, wanting, begins,
             size = 4 if block != last[chain] else (fill[chain] + 7) // 8
             for w in range(begin, end):
                 query = wanting[w]
-                keep_two(groups, ids, 4 * block, size, queries, 4 * query, lanes, 16 * query)
+                scan(groups, ids, 4 * block, 4 * block + size, queries, 4 * query, out, 2 * query, keys)
             block = following[block]
-    for i in range(len(queries) // 4):
-        smallest_two(lanes, 16 * i, out, 2 * i)
 
 
 def choose_pivots(words: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -205,15 +203,21 @@ class Words:
         words._pivots = (arrays["pivots"], arrays["pivot_ids"]) if len(arrays["pivots"]) else None
         return words
 
-    def append(self, words: NDArray[np.uint8]) -> None:
-        """Add words (uint8 [n, 32]); their ids follow on."""
+    def append(self, words: NDArray[np.uint8], lists: NDArray[np.int64] | None = None) -> None:
+        """Add words; their ids follow on.
+
+        Args:
+            words: uint8 [n, 32].
+            lists: int64 [n], what ``search`` gave for them just now, if it did: they need not be searched for again.
+        """
         if self._pivots is None and self._count + len(words) >= max(self.exact_below, PIVOTS):
             everything = np.concatenate([self.descriptors(), words])
             self._pivots = hamming.pack(choose_pivots(everything))
             self._clear(PIVOTS)
-            self._count, words = 0, everything
+            self._count, words, lists = 0, everything, None
         for begin in range(0, len(words), 1 << 16):
-            self._put(words[begin : begin + (1 << 16)])
+            part = slice(begin, begin + (1 << 16))
+            self._put(words[part], self._homes(words[part]) if lists is None else lists[part])
         if self._pivots is not None and self._used > LOOSE * self._tidy:
             self._put_in_order()
 
@@ -228,11 +232,12 @@ class Words:
         self._first, self._last = place[self._first], place[self._last]
         self._tidy = self._used
 
-    def _put(self, words: NDArray[np.uint8]) -> None:
+    def _homes(self, words: NDArray[np.uint8]) -> NDArray[np.int64]:
         if self._pivots is None:
-            lists = np.zeros(len(words), np.int64)
-        else:
-            lists = hamming.id_of(hamming.two_nearest_keys(*self._pivots, words)[:, 0])
+            return np.zeros(len(words), np.int64)
+        return hamming.id_of(hamming.two_nearest_keys(*self._pivots, words)[:, 0])
+
+    def _put(self, words: NDArray[np.uint8], lists: NDArray[np.int64]) -> None:
         self._reserve(self._used + self._new_blocks(lists))
         if not self._groups.flags.writeable:  # mapped from a file, and there was room left in its blocks
             self._groups, self._ids = self._groups.copy(), self._ids.copy()
@@ -260,21 +265,27 @@ class Words:
 
     def two_nearest(self, queries: NDArray[np.uint8]) -> Keys:
         """Return the keys ``distance << 32 | id`` of the two nearest words found, uint64 [n, 2]; NONE for no word."""
+        return self.search(queries)[0]
+
+    def search(self, queries: NDArray[np.uint8]) -> tuple[Keys, NDArray[np.int64]]:
+        """Return the keys of the two nearest words found, and the list each query would join as a word, int64 [n]."""
         if self._count == 0 or len(queries) == 0:
-            return np.full((len(queries), 2), NONE)
+            return np.full((len(queries), 2), NONE), np.zeros(len(queries), np.int64)
         if self._pivots is None:
             size = self._used * BLOCK
-            return hamming.two_nearest_keys(self._groups[: 4 * size], self._ids[:size], queries)
+            keys = hamming.two_nearest_keys(self._groups[: 4 * size], self._ids[:size], queries)
+            return keys, np.zeros(len(queries), np.int64)
         nearest = hamming.best_per_lane(*self._pivots, queries, self.depth)
         probes = hamming.id_of(nearest).reshape(len(queries), -1).astype(np.int32)
+        homes = hamming.id_of(nearest[:, 0].min(axis=1))
         wanting, begins = _by_list(probes, PIVOTS)
         if not NATIVE:
-            return self._search_slowly(queries, wanting, begins)
-        out = np.empty((len(queries), 2), np.uint64)
+            return self._search_slowly(queries, wanting, begins), homes
+        out = np.full((len(queries), 2), NONE)
         flat = np.ascontiguousarray(queries).view(np.uint64).reshape(-1)
         pool = (self._groups, self._ids, self._following, self._first, self._last, self._fill)
         _search(*pool, flat, wanting, begins, out.reshape(-1))
-        return out
+        return out, homes
 
     def _search_slowly(self, queries: NDArray[np.uint8], wanting: NDArray, begins: NDArray) -> Keys:
         best = np.full((len(queries), 2), NONE)

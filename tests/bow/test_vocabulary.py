@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fdslam.bow.vocabulary import NO_WORD, Vocabulary, replay, unique_rows
+from fdslam.bow.vocabulary import NO_WORD, Vocabulary, distinct_rows, replay
 from tests import reference
 
 
@@ -50,8 +50,9 @@ def test_without_two_words_nothing_is_matched():
     assert vocabulary.learn(np.zeros((0, 32), np.uint8)).shape == (0,)
 
 
-def test_unique_rows_keeps_the_order_of_first_appearance():
-    rows = np.array([[3, 0], [1, 0], [3, 0], [2, 0], [1, 0]], np.uint8)
-    distinct, back = unique_rows(rows)
-    assert distinct.tolist() == [[3, 0], [1, 0], [2, 0]]
+def test_distinct_rows_keep_the_order_of_first_appearance():
+    rows = np.zeros((5, 32), np.uint8)
+    rows[:, 7], rows[:, 31] = [3, 1, 3, 2, 1], [0, 9, 0, 0, 9]
+    first, back = distinct_rows(rows)
+    assert first.tolist() == [0, 1, 3]
     assert back.tolist() == [0, 1, 0, 2, 1]
