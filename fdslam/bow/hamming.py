@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.native import NATIVE, njit
+from fdslam.bow.native import NATIVE
 
 GROUP = 8  # descriptors in a group
 NONE = np.uint64(0xFFFFFFFFFFFFFFFF)  # the key of nothing
@@ -20,7 +20,7 @@ _TILE = 64  # groups: 16 KB of descriptors stay in the first cache while every q
 Keys = NDArray[np.uint64]
 
 if NATIVE:
-    from fdslam.bow.vector_kernels import keep_best, lanes_within, write_keys
+    from fdslam.bow.kernels import best_per_lane_kernel, two_nearest_kernel
 
 
 def pack(descriptors: NDArray[np.uint8]) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
@@ -54,55 +54,6 @@ def keys_of(distance: NDArray[np.int64], ids: NDArray[np.int32]) -> Keys:
     return np.where(ids < 0, NONE, keys)
 
 
-@njit
-def scan(groups, ids, begin, end, queries, offset, out, at, keys):
-    """Compare groups ``begin`` to ``end`` with the query at ``offset`` and update its two smallest keys at ``out[at]``.
-
-    Few groups hold a descriptor nearer than the second best so far; only their keys are looked at one by one.
-    """
-    q0, q1, q2, q3 = queries[offset], queries[offset + 1], queries[offset + 2], queries[offset + 3]
-    first = out[at]
-    second = out[at + 1]
-    limit = second >> np.uint64(32)
-    for group in range(begin, end):
-        if lanes_within(groups, group, q0, q1, q2, q3, limit) != 0:
-            write_keys(groups, ids, group, q0, q1, q2, q3, keys)
-            for lane in range(8):
-                key = keys[lane]
-                if key < first:
-                    second = first
-                    first = key
-                elif key < second:
-                    second = key
-            limit = second >> np.uint64(32)
-    out[at] = first
-    out[at + 1] = second
-
-
-@njit
-def _two_nearest(groups, ids, queries, out):
-    count, total = len(queries) // 4, len(ids) // 8
-    keys = np.empty(8, np.uint64)
-    for begin in range(0, total, 64):
-        for i in range(count):
-            scan(groups, ids, begin, min(begin + 64, total), queries, 4 * i, out, 2 * i, keys)
-
-
-@njit
-def _best_per_lane(groups, ids, queries, depth, out):
-    total = len(ids) // 8
-    for i in range(len(queries) // 4):
-        at = i * 8 * depth
-        if depth == 1:
-            keep_best(groups, ids, total, queries, 4 * i, out, at, 1)
-        elif depth == 2:
-            keep_best(groups, ids, total, queries, 4 * i, out, at, 2)
-        elif depth == 4:
-            keep_best(groups, ids, total, queries, 4 * i, out, at, 4)
-        else:
-            keep_best(groups, ids, total, queries, 4 * i, out, at, 8)
-
-
 def two_smallest(keys: Keys) -> Keys:
     """Return the smallest two of each row, ascending: uint64 [n, 2]; NONE where there are fewer."""
     padded = np.concatenate([keys, np.full((len(keys), 2), NONE)], axis=1)
@@ -113,7 +64,7 @@ def two_nearest_keys(groups: NDArray[np.uint64], ids: NDArray[np.int32], queries
     """Return the keys of the two nearest descriptors of each query, uint64 [n, 2], ascending."""
     if NATIVE:
         out = np.full((len(queries), 2), NONE)
-        _two_nearest(groups, ids, np.ascontiguousarray(queries).view(np.uint64).reshape(-1), out.reshape(-1))
+        two_nearest_kernel(groups, ids, np.ascontiguousarray(queries).view(np.uint64).reshape(-1), out.reshape(-1))
         return out
     rows = unpack(groups)
     best = np.full((len(queries), 2), NONE)
@@ -140,7 +91,7 @@ def best_per_lane(groups: NDArray[np.uint64], ids: NDArray[np.int32], queries: N
     if NATIVE:
         out = np.empty((len(queries), depth, GROUP), np.uint64)
         flat = np.ascontiguousarray(queries).view(np.uint64).reshape(-1)
-        _best_per_lane(groups, ids, flat, depth, out.reshape(-1))
+        best_per_lane_kernel(groups, ids, flat, depth, out.reshape(-1))
         return out
     best = np.full((len(queries), depth, GROUP), NONE)
     rows = unpack(groups)

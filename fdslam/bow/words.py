@@ -18,18 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.bow import hamming
-from fdslam.bow.hamming import GROUP, NONE, Keys, scan
+from fdslam.bow.hamming import GROUP, NONE, Keys
 from fdslam.bow.native import NATIVE, njit, say_what_is_slow
 
 if NATIVE:
-    from fdslam.bow.vector_kernels import prefetch
+    from fdslam.bow.kernels import search_lists
 
 PIVOTS = 8192
 BLOCK = 32  # words in a block: 1 KB
 SEED = 0
 ROUNDS = 2  # of moving the pivots: more gain nothing
 LOOSE = 1.1  # the pool is put in the order of the lists when it has grown by this since the last time
-AHEAD = 1  # lists whose words are asked for before the search reaches them
 
 
 @njit
@@ -88,36 +87,6 @@ def _by_list(probes, lists):
                 queries[place[chain]] = i
                 place[chain] += 1
     return queries, begins
-
-
-@njit
-def _fetch(groups, ids, following, block):
-    """Ask for a list's words from this block on, ahead of the search in them."""
-    while block >= 0:
-        for line in range(16):
-            prefetch(groups, block * 128 + line * 8)
-        prefetch(ids, block * 32)
-        prefetch(ids, block * 32 + 16)
-        block = following[block]
-
-
-@njit
-def _search(groups, ids, following, first, last, fill, queries, wanting, begins, out):
-    keys = np.empty(8, np.uint64)
-    for chain in range(len(first)):
-        begin = begins[chain]
-        end = begins[chain + 1]
-        if begin == end:
-            continue
-        block = first[chain]
-        if chain + AHEAD < len(first) and begins[chain + AHEAD] < begins[chain + AHEAD + 1]:
-            _fetch(groups, ids, following, first[chain + AHEAD])
-        while block >= 0:
-            size = 4 if block != last[chain] else (fill[chain] + 7) // 8
-            for w in range(begin, end):
-                query = wanting[w]
-                scan(groups, ids, 4 * block, 4 * block + size, queries, 4 * query, out, 2 * query, keys)
-            block = following[block]
 
 
 def choose_pivots(words: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -284,7 +253,7 @@ class Words:
         out = np.full((len(queries), 2), NONE)
         flat = np.ascontiguousarray(queries).view(np.uint64).reshape(-1)
         pool = (self._groups, self._ids, self._following, self._first, self._last, self._fill)
-        _search(*pool, flat, wanting, begins, out.reshape(-1))
+        search_lists(*pool, flat, wanting, begins, out.reshape(-1))
         return out, homes
 
     def _search_slowly(self, queries: NDArray[np.uint8], wanting: NDArray, begins: NDArray) -> Keys:

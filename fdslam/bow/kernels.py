@@ -1,24 +1,31 @@
-"""Two loops that no compiler finds on its own, written in LLVM's vector instructions: eight Hamming distances at once.
+"""Compiled loops of the word search. Eight Hamming distances at once need LLVM's vector instructions, written out here.
 
 ``llvm.ctpop`` on a vector of eight 64-bit integers is one instruction with AVX-512 VPOPCNTDQ; on other processors LLVM
 writes it out in what they have, so the numbers are the same everywhere.
+
+What a kernel calls stands in this one file: a compiled kernel is kept on disk until the file that it stands in changes.
+Only machines with numba import it.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic as _intrinsic
+
+from fdslam.bow.native import njit
 
 intrinsic: Any = _intrinsic  # inside a kernel the first argument, the typing context, is not given
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _EIGHT, _EIGHT_IDS = ir.VectorType(_I64, 8), ir.VectorType(_I32, 8)
 _SHIFT = ir.Constant(_EIGHT, [32] * 8)
 _LARGEST = ir.Constant(_EIGHT, [-1] * 8)
-LOCALITY = 2  # the second cache: a list is asked for while the one before it is searched
+AHEAD = 1  # lists whose words are asked for before the search reaches them
+_LOCALITY = 2  # the second cache: a list is asked for while the one before it is searched
 
 
 def _call(builder: Any, name: str, *values: Any) -> Any:
@@ -141,7 +148,89 @@ def prefetch(context, array, index):
         byte = builder.bitcast(place, ir.IntType(8).as_pointer())
         kind = ir.FunctionType(ir.VoidType(), [byte.type, _I32, _I32, _I32])
         function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-        builder.call(function, [byte, *(ir.Constant(_I32, value) for value in (0, LOCALITY, 1))])
+        builder.call(function, [byte, *(ir.Constant(_I32, value) for value in (0, _LOCALITY, 1))])
         return context.get_dummy_value()
 
     return signature, generate
+
+
+@njit
+def scan(groups, ids, begin, end, queries, offset, out, at, keys):
+    """Compare groups ``begin`` to ``end`` with the query at ``offset`` and update its two smallest keys at ``out[at]``.
+
+    Few groups hold a descriptor nearer than the second best so far; only their keys are looked at one by one.
+    """
+    q0, q1, q2, q3 = queries[offset], queries[offset + 1], queries[offset + 2], queries[offset + 3]
+    first = out[at]
+    second = out[at + 1]
+    limit = second >> np.uint64(32)
+    for group in range(begin, end):
+        if lanes_within(groups, group, q0, q1, q2, q3, limit) != 0:
+            write_keys(groups, ids, group, q0, q1, q2, q3, keys)
+            for lane in range(8):
+                key = keys[lane]
+                if key < first:
+                    second = first
+                    first = key
+                elif key < second:
+                    second = key
+            limit = second >> np.uint64(32)
+    out[at] = first
+    out[at + 1] = second
+
+
+@njit
+def two_nearest_kernel(groups, ids, queries, out):
+    """Update the two smallest keys of every query by all groups; a tile of 16 KB at a time stays in the first cache."""
+    count, total = len(queries) // 4, len(ids) // 8
+    keys = np.empty(8, np.uint64)
+    for begin in range(0, total, 64):
+        for i in range(count):
+            scan(groups, ids, begin, min(begin + 64, total), queries, 4 * i, out, 2 * i, keys)
+
+
+@njit
+def best_per_lane_kernel(groups, ids, queries, depth, out):
+    """Write the ``depth`` smallest keys of each of the eight places; every depth is code of its own."""
+    total = len(ids) // 8
+    for i in range(len(queries) // 4):
+        at = i * 8 * depth
+        if depth == 1:
+            keep_best(groups, ids, total, queries, 4 * i, out, at, 1)
+        elif depth == 2:
+            keep_best(groups, ids, total, queries, 4 * i, out, at, 2)
+        elif depth == 4:
+            keep_best(groups, ids, total, queries, 4 * i, out, at, 4)
+        else:
+            keep_best(groups, ids, total, queries, 4 * i, out, at, 8)
+
+
+@njit
+def _fetch(groups, ids, following, block):
+    """Ask for a list's words from this block on, ahead of the search in them."""
+    while block >= 0:
+        for line in range(16):
+            prefetch(groups, block * 128 + line * 8)
+        prefetch(ids, block * 32)
+        prefetch(ids, block * 32 + 16)
+        block = following[block]
+
+
+@njit
+def search_lists(groups, ids, following, first, last, fill, queries, wanting, begins, out):
+    """Update the two smallest keys of every query by the lists it wants, list after list."""
+    keys = np.empty(8, np.uint64)
+    for chain in range(len(first)):
+        begin = begins[chain]
+        end = begins[chain + 1]
+        if begin == end:
+            continue
+        block = first[chain]
+        if chain + AHEAD < len(first) and begins[chain + AHEAD] < begins[chain + AHEAD + 1]:
+            _fetch(groups, ids, following, first[chain + AHEAD])
+        while block >= 0:
+            size = 4 if block != last[chain] else (fill[chain] + 7) // 8
+            for w in range(begin, end):
+                query = wanting[w]
+                scan(groups, ids, 4 * block, 4 * block + size, queries, 4 * query, out, 2 * query, keys)
+            block = following[block]

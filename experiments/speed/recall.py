@@ -1,0 +1,61 @@
+"""What the faster word search costs in localisation: python -m experiments.speed.recall [FOLDER ...]
+
+Recall@1/5/10 of the strong list (J+B), the word search exact and by lists around pivots, on every folder given (laid out
+as dataset=folder wants it) or, with none, on the campus. The last column: the share of keypoints that both know or
+both do not know.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from fdslam.config import Bow, Campus, Folder
+from fdslam.data import load_dataset
+from fdslam.data.folder import read_folder
+from fdslam.mapping import BowMap
+from fdslam.progress import single_threaded
+from fdslam.store import Store
+from fdslam.types import Dataset
+
+AT = (1, 5, 10)
+EVERY_WORD = 1 << 30
+BY_LISTS = 8192  # also on maps whose words the default would still search exactly
+
+
+def localized(data: Dataset, config: Bow, store: Store) -> tuple[list[float], list[np.ndarray]]:
+    """Return recall@n in percent, and the words of every query."""
+    bow = BowMap(data.map, config, store, 0)
+    _, found = bow.localize(data.query, "J+B")
+    assert data.relevant is not None
+    hits = [[np.isin(one.strong[:n], true).any() for n in AT] for one, true in zip(found, data.relevant, strict=True)]
+    return (100 * np.mean(hits, axis=0)).tolist(), [bow.words(frame) for frame in data.query]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folders", nargs="*", type=Path)
+    folders = parser.parse_args().folders
+    single_threaded()
+    print(
+        "| data set | exact: recall@1 / 5 / 10 | by lists | known in both or neither |\n|---|---|---|---:|", flush=True
+    )
+    with tempfile.TemporaryDirectory() as root:
+        store = Store(root)
+        sets = [read_folder(folder, Folder()) for folder in folders] or [load_dataset(Campus(), store, 0)]
+        for data in sets:
+            exact, words = localized(data, replace(Bow(), exact_below=EVERY_WORD), store)
+            lists, others = localized(data, replace(Bow(), exact_below=BY_LISTS), store)
+            # Ids differ once the vocabularies do: a keypoint counts where both know it or both do not.
+            same = np.mean([np.mean((a >= 0) == (b >= 0)) for a, b in zip(words, others, strict=True)])
+            shown = [" / ".join(f"{value:.1f}" for value in recall) for recall in (exact, lists)]
+            print(f"| {data.name} | {shown[0]} | {shown[1]} | {same:.3f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
