@@ -19,6 +19,7 @@ lint: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m experiments.speed.stages
+	$(BIN)/python -m experiments.speed.localization --small
 
 setup: $(STAMP)
 
