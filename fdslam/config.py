@@ -134,6 +134,11 @@ class Retrieval(Checked):
     unretrieved: str = option(
         "last", "rank of images with score 0: M, or next after the others", choices=("last", "next")
     )
+    islands: str = option(
+        "none",
+        "neighbours along the path vouch for each other: iBoW-LCD's rule, DLoopDetector's, or not",
+        choices=("none", "ibow", "dloop"),
+    )
     min_keypoints: int = option(1, "an OBB with fewer keypoints says nothing", low=1)
 
 

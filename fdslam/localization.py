@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.bow.index import InvertedFile
+from fdslam.bow.islands import islands
 from fdslam.bow.lists import ranks_of
 from fdslam.config import Retrieval
 from fdslam.types import Boxes, Localization
@@ -82,10 +83,11 @@ def localize(
         boxes: the OBBs of the query.
         xy: float32 [n, 2] pixels, its keypoints.
         words: int32 [n], their words.
-        config: score, rank of images not retrieved, least number of keypoints.
+        config: score, islands, rank of images not retrieved, least number of keypoints.
     """
     inside = keypoints_inside(boxes.xyxy, xy)
     speaks = inside.sum(axis=1) >= config.min_keypoints
-    ranks = ranks_of(index.scores(words, inside[speaks], config.score), config.unretrieved)
+    levels = islands(index.scores(words, inside[speaks], config.score), config.islands)
+    ranks = ranks_of(levels, config.unretrieved)
     source = tuple(name for name, kept in zip(boxes.source, speaks, strict=True) if kept)
     return Localization(replace(boxes, xyxy=boxes.xyxy[speaks], source=source), ranks, strong_list(ranks), boxes.xyxy)
