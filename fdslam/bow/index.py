@@ -93,7 +93,6 @@ class InvertedFile:
             vocabulary_size: number of words.
         """
         self.images = 0  # M of idf: that of the whole map, also in a part of it
-        self.first = 0  # the map id of this part's first image
         self.vocabulary_size = 0
         self._segments: list[Segment] = []
         self._holding = np.zeros(0, np.int32)  # M_w
@@ -149,12 +148,7 @@ class InvertedFile:
             chosen = (begin <= ids) & (ids < end)
             part._segments = [one.of(chosen, (ids - begin).astype(np.int32)) for one in self._segments]
             part.vocabulary_size = self.vocabulary_size
-            part.images, part._holding, part._size, part.first = (
-                self.images,
-                self._holding,
-                int(end - begin),
-                int(begin),
-            )
+            part.images, part._holding, part._size = self.images, self._holding, end - begin
             result.append(part)
         return tuple(result)
 
