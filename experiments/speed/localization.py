@@ -14,10 +14,9 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from experiments.speed.stages import OBBS, cpu_seconds, random_boxes
+from experiments.speed.stages import OBBS, cpu_seconds, random_boxes, random_descriptors, unit_seconds
 from experiments.speed.views import HEIGHT, KEYPOINTS, WIDTH, features, places
 from fdslam.bow import hamming, mapfile
 from fdslam.bow.index import InvertedFile
@@ -142,10 +141,10 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures there")
     arguments = parser.parse_args()
     single_threaded()
-    descriptors = np.random.default_rng(1).integers(0, 256, (KEYPOINTS, 32), dtype=np.uint8)
-    unit = cpu_seconds(lambda: cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(descriptors, descriptors, 2))
+    descriptors = random_descriptors()
+    unit = unit_seconds(descriptors)
     name, rows = grow(SMALL if arguments.small else SIZES)
-    unit = min(unit, cpu_seconds(lambda: cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(descriptors, descriptors, 2)))
+    unit = min(unit, unit_seconds(descriptors))
     print(f"U = {1000 * unit:.1f} ms; {name} of {WIDTH} × {HEIGHT}, {KEYPOINTS} keypoints, {OBBS} OBBs\n")
     print(table(unit, rows))
     if arguments.json:

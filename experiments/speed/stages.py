@@ -43,6 +43,17 @@ def cpu_seconds(work: Callable[[], object], repeat: int = 3) -> float:
     return min(times)
 
 
+def random_descriptors() -> np.ndarray:
+    """Return uint8 [KEYPOINTS, 32]."""
+    return np.random.default_rng(1).integers(0, 256, (KEYPOINTS, 32), dtype=np.uint8)
+
+
+def unit_seconds(descriptors: np.ndarray) -> float:
+    """Return U: the CPU time of OpenCV's brute-force Hamming 2-NN of the descriptors among themselves."""
+    matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
+    return cpu_seconds(lambda: matcher.knnMatch(descriptors, descriptors, 2))
+
+
 def random_boxes(rng: np.random.Generator) -> np.ndarray:
     """Return OBBS boxes of many sizes: float32 [OBBS, 4] xyxy pixels."""
     size = np.exp(rng.uniform(np.log(40), np.log(400), (OBBS, 2)))
@@ -120,9 +131,8 @@ def images(unit: float) -> list[Row]:
 
 def measure() -> list[Row]:
     """Measure U, then every stage."""
-    descriptors = np.random.default_rng(1).integers(0, 256, (KEYPOINTS, 32), dtype=np.uint8)
-    matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
-    unit = cpu_seconds(lambda: matcher.knnMatch(descriptors, descriptors, 2))
+    descriptors = random_descriptors()
+    unit = unit_seconds(descriptors)
     itself = ("U: OpenCV 2-NN of 1490 × 1490", unit, "itself", unit)
     return [itself, *bag_of_words(unit, descriptors), *images(unit)]
 

@@ -33,6 +33,11 @@ def pack(descriptors: NDArray[np.uint8]) -> tuple[NDArray[np.uint64], NDArray[np
     return np.ascontiguousarray(padded.reshape(groups, GROUP, 4).transpose(0, 2, 1)).reshape(-1), ids
 
 
+def flat(descriptors: NDArray[np.uint8]) -> NDArray[np.uint64]:
+    """Return descriptors (uint8 [n, 32]) as kernels take queries: uint64 [4 n]."""
+    return np.ascontiguousarray(descriptors).view(np.uint64).reshape(-1)
+
+
 def unpack(groups: NDArray[np.uint64]) -> NDArray[np.uint8]:
     """Return the descriptors of groups (uint64 [g · 32]), those of empty places too: uint8 [g · 8, 32]."""
     rows = np.ascontiguousarray(groups.reshape(-1, 4, GROUP).transpose(0, 2, 1))
@@ -64,7 +69,7 @@ def two_nearest_keys(groups: NDArray[np.uint64], ids: NDArray[np.int32], queries
     """Return the keys of the two nearest descriptors of each query, uint64 [n, 2], ascending."""
     if NATIVE:
         out = np.full((len(queries), 2), NONE)
-        two_nearest_kernel(groups, ids, np.ascontiguousarray(queries).view(np.uint64).reshape(-1), out.reshape(-1))
+        two_nearest_kernel(groups, ids, flat(queries), out.reshape(-1))
         return out
     rows = unpack(groups)
     best = np.full((len(queries), 2), NONE)
@@ -90,8 +95,7 @@ def best_per_lane(groups: NDArray[np.uint64], ids: NDArray[np.int32], queries: N
     """
     if NATIVE:
         out = np.empty((len(queries), depth, GROUP), np.uint64)
-        flat = np.ascontiguousarray(queries).view(np.uint64).reshape(-1)
-        best_per_lane_kernel(groups, ids, flat, depth, out.reshape(-1))
+        best_per_lane_kernel(groups, ids, flat(queries), depth, out.reshape(-1))
         return out
     best = np.full((len(queries), depth, GROUP), NONE)
     rows = unpack(groups)

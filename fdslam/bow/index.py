@@ -21,9 +21,7 @@ from scipy import sparse
 from fdslam.bow.vocabulary import NO_WORD
 
 IDF_ONE = 1 << 16  # fixed-point 1.0 of idf: with 1500 keypoints an int64 score has room for maps of any size
-Query = tuple[
-    NDArray[np.int32], NDArray[np.bool_]
-]  # words [n] of the keypoints, and which of them each OBB holds [J, n]
+Query = tuple[NDArray[np.int32], NDArray[np.bool_]]  # [n] words of the keypoints; [J, n] which of them an OBB holds
 
 
 def fixed_point_idf(images: int, images_with_word: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -120,11 +118,7 @@ class InvertedFile:
     def _push(self, new: Segment) -> None:
         self._holding[new.word] += np.diff(new.begin).astype(np.int32)
         while self._segments and len(self._segments[-1].image) <= len(new.image):
-            old = self._segments.pop()
-            word, image, count = zip(
-                (old.rows(), old.image, old.count), (new.rows(), new.image, new.count), strict=True
-            )
-            new = segment(*map(np.concatenate, (word, image, count)))
+            new = merged([self._segments.pop(), new])
         self._segments.append(new)
 
     def remove(self, images: NDArray[np.integer]) -> None:

@@ -143,21 +143,22 @@ class Words:
 
     def descriptors(self) -> NDArray[np.uint8]:
         """Return all words in the order of their ids, uint8 [n, 32]."""
-        ids = self._ids[: self._used * BLOCK]
+        groups, ids = self._in_use()
         words = np.empty((self._count, 32), np.uint8)
-        words[ids[ids >= 0]] = hamming.unpack(self._groups[: self._used * BLOCK * 4])[ids >= 0]
+        words[ids[ids >= 0]] = hamming.unpack(groups)[ids >= 0]
         return words
+
+    def _in_use(self) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
+        """Return groups and ids of the blocks in use, without the room kept for more."""
+        return self._groups[: self._used * BLOCK * 4], self._ids[: self._used * BLOCK]
 
     def arrays(self) -> dict[str, NDArray]:
         """Return everything that is kept, for storage; ``from_arrays`` takes it back."""
         if self._pivots is not None:
             self._put_in_order()
-        kept: dict[str, NDArray] = {
-            "groups": self._groups[: self._used * BLOCK * 4],
-            "ids": self._ids[: self._used * BLOCK],
-        }
-        kept |= {"following": self._following[: self._used], "first": self._first, "last": self._last}
-        kept["fill"] = self._fill
+        groups, ids = self._in_use()
+        kept: dict[str, NDArray] = {"groups": groups, "ids": ids, "following": self._following[: self._used]}
+        kept |= {"first": self._first, "last": self._last, "fill": self._fill}
         kept["pivots"], kept["pivot_ids"] = self._pivots or (np.zeros(0, np.uint64), np.zeros(0, np.int32))
         return kept
 
@@ -195,8 +196,7 @@ class Words:
         order = _block_order(self._first, self._following, self._used)
         place = np.full(self._used + 1, -1, np.int32)  # the last one stands for "no block", -1
         place[order] = np.arange(self._used, dtype=np.int32)
-        self._groups = self._groups[: self._used * BLOCK * 4].reshape(self._used, -1)[order].reshape(-1)
-        self._ids = self._ids[: self._used * BLOCK].reshape(self._used, -1)[order].reshape(-1)
+        self._groups, self._ids = (part.reshape(self._used, -1)[order].reshape(-1) for part in self._in_use())
         self._following = place[self._following[order]]
         self._first, self._last = place[self._first], place[self._last]
         self._tidy = self._used
@@ -212,9 +212,10 @@ class Words:
             self._groups, self._ids = self._groups.copy(), self._ids.copy()
             self._following = self._following.copy()
         names = np.arange(self._count, self._count + len(words), dtype=np.int32)
-        flat = np.ascontiguousarray(words).view(np.uint64).reshape(-1)
         chains = (self._first, self._last, self._fill)
-        self._used = _append(self._groups, self._ids, self._following, *chains, self._used, flat, lists, names)
+        self._used = _append(
+            self._groups, self._ids, self._following, *chains, self._used, hamming.flat(words), lists, names
+        )
         self._count += len(words)
 
     def _new_blocks(self, lists: NDArray[np.int64]) -> int:
@@ -241,8 +242,7 @@ class Words:
         if self._count == 0 or len(queries) == 0:
             return np.full((len(queries), 2), NONE), np.zeros(len(queries), np.int64)
         if self._pivots is None:
-            size = self._used * BLOCK
-            keys = hamming.two_nearest_keys(self._groups[: 4 * size], self._ids[:size], queries)
+            keys = hamming.two_nearest_keys(*self._in_use(), queries)
             return keys, np.zeros(len(queries), np.int64)
         nearest = hamming.best_per_lane(*self._pivots, queries, self.depth)
         probes = hamming.id_of(nearest).reshape(len(queries), -1).astype(np.int32)
@@ -251,9 +251,8 @@ class Words:
         if not NATIVE:
             return self._search_slowly(queries, wanting, begins), homes
         out = np.full((len(queries), 2), NONE)
-        flat = np.ascontiguousarray(queries).view(np.uint64).reshape(-1)
         pool = (self._groups, self._ids, self._following, self._first, self._last, self._fill)
-        search_lists(*pool, flat, wanting, begins, out.reshape(-1))
+        search_lists(*pool, hamming.flat(queries), wanting, begins, out.reshape(-1))
         return out, homes
 
     def _search_slowly(self, queries: NDArray[np.uint8], wanting: NDArray, begins: NDArray) -> Keys:

@@ -65,16 +65,12 @@ def test_exact_while_small():
     assert np.array_equal(grown(words, exact_below=601, step=37).two_nearest(queries), exact)
 
 
-def test_both_paths_are_one():
+def test_both_paths_are_one(monkeypatch):
     words, queries = distinct(2, 1500), descriptors(7, 60)
     native = grown(words, 400).two_nearest(queries)
     for place in (hamming, module):
-        place.NATIVE = False
-    try:
-        slow = grown(words, 400).two_nearest(queries)
-    finally:
-        for place in (hamming, module):
-            place.NATIVE = True
+        monkeypatch.setattr(place, "NATIVE", False)
+    slow = grown(words, 400).two_nearest(queries)
     assert np.array_equal(native, slow)
 
 
