@@ -2,60 +2,47 @@
 
 ``conf/`` holds the values; this file says which keys exist and what they may be. Hydra merges the two, so an unknown
 key or a wrong type never reaches a stage. A base class (``Orb``, ``Vocabulary``, …) names the fields that one stage
-reads: its artefacts are addressed by those alone.
+reads: its artefacts are addressed by those alone. The bag of words has a file of its own.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
-from fdslam.errors import InputError
+from fdslam.config.bow import Bow, Orb, Retrieval, Vocabulary
+from fdslam.config.options import Checked, option, part
+
+__all__ = [
+    "METHODS",
+    "Ad",
+    "Autoencoder",
+    "Bow",
+    "Campus",
+    "Config",
+    "Dataset",
+    "Evaluation",
+    "Fd",
+    "Folder",
+    "Keypoints",
+    "Mask",
+    "Mix",
+    "Obb",
+    "Orb",
+    "Pc",
+    "Places",
+    "Rendering",
+    "Report",
+    "Retrieval",
+    "Vocabulary",
+    "part",
+    "register",
+]
 
 METHODS = ("FD", "PC", "AD", "FD+AD+PC", "FD+AD", "FD+PC")  # Table I, top to bottom
-
-
-def option(default: Any, help: str, *, choices: tuple = (), low: float | None = None, high: float | None = None) -> Any:
-    """Declare a field with its meaning and its range (``low <= value <= high`` or one of ``choices``)."""
-    metadata = {"help": help, "choices": choices, "low": low, "high": high}
-    if isinstance(default, list):
-        return field(default_factory=lambda: list(default), metadata=metadata)
-    return field(default=default, metadata=metadata)
-
-
-class Checked:
-    """Checks every field's range when an object is made from the merged configuration."""
-
-    group: ClassVar[str | None] = None  # how the command line names it, where that is not the class's own name
-
-    def __post_init__(self) -> None:
-        """Raise InputError, naming group and key, for the first value out of range."""
-        for f in fields(self):  # type: ignore[arg-type]
-            value, meta = getattr(self, f.name), f.metadata
-            if isinstance(value, str) and value.lower() in meta.get("choices", ()):
-                value = value.lower()  # Hydra reads true as a truth value, which comes back as "True"
-                setattr(self, f.name, value)
-            group = type(self).__name__.lower() if self.group is None else self.group
-            where = f"{group}.{f.name}".lstrip(".")
-            if value == []:
-                raise InputError(f"{where}=[]: name at least one")
-            if isinstance(value, list) and len(set(value)) < len(value):
-                raise InputError(f"{where}={value}: something is named twice")
-            for item in value if isinstance(value, list) else [value]:
-                if item == MISSING and isinstance(item, str):
-                    continue
-                if meta.get("choices") and item not in meta["choices"]:
-                    raise InputError(f"{where}={item}: choose one of {', '.join(map(str, meta['choices']))}")
-                low, high = meta.get("low"), meta.get("high")
-                if isinstance(item, float) and not math.isfinite(item):
-                    raise InputError(f"{where}={item}: a finite number is needed")
-                if (low is not None and not item >= low) or (high is not None and not item <= high):
-                    bounds = f"at least {low}" if high is None else f"{low} to {high}"
-                    raise InputError(f"{where}={item}: out of range, it must be {bounds}")
 
 
 @dataclass
@@ -101,48 +88,6 @@ class Obb(Checked):
     """The OBB library: names joined by +."""
 
     library: str = option("J+B", "parts of the OBB library joined by +, e.g. A+J+B")
-
-
-@dataclass
-class Orb(Checked):
-    """Keypoints and descriptors of an image."""
-
-    features: int = option(1500, "ORB features per image", low=1, high=100_000)
-    grid: int = option(8, "spread the features over about grid² equal cells; 0: OpenCV's own choice", low=0, high=64)
-    min_side: int = option(720, "upscale images whose shorter side is below this, pixels; 0: never", low=0, high=8192)
-    fast_threshold: int = option(20, "FAST threshold of ORB, grey levels", low=1, high=255)
-
-
-@dataclass
-class Vocabulary(Checked):
-    """The incremental vocabulary."""
-
-    ratio: float = option(0.8, "a word is accepted if d1 <= ratio * d2", low=0, high=1)
-    exact_below: int = option(100_000, "exact search of fewer words, by lists around pivots of more", low=8192)
-    probes: int = option(32, "lists searched per keypoint after that: its recall", choices=(8, 16, 32, 64))
-
-
-@dataclass
-class Retrieval(Checked):
-    """Weak lists."""
-
-    score: str = option(
-        "ibow", "Σ over words of n_jw² idf c | n_jw idf c | idf of those present", choices=("ibow", "tfidf", "binary")
-    )
-    unretrieved: str = option(
-        "last", "rank of images with score 0: M, or next after the others", choices=("last", "next")
-    )
-    islands: str = option(
-        "none",
-        "neighbours along the path vouch for each other: iBoW-LCD's rule, DLoopDetector's, or not",
-        choices=("none", "ibow", "dloop"),
-    )
-    min_keypoints: int = option(1, "an OBB with fewer keypoints says nothing", low=1)
-
-
-@dataclass
-class Bow(Orb, Vocabulary, Retrieval):
-    """Bag of words (§FD)."""
 
 
 @dataclass
@@ -293,8 +238,3 @@ def register() -> None:
     store.store(name="schema", node=Config)
     for name, node in (("base_folder", Folder), ("base_campus", Campus)):
         store.store(group="dataset", name=name, node=node)
-
-
-def part(config: Any, base: type) -> dict[str, Any]:
-    """Return the fields of ``config`` that ``base`` declares: what a stage's artefacts are addressed by."""
-    return {f.name: getattr(config, f.name) for f in fields(base)}
