@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.bow.documents import ObbDocuments
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.islands import islands
 from fdslam.bow.lists import ranks_of
+from fdslam.bow.verification import verified
 from fdslam.config import Retrieval
-from fdslam.types import Boxes, Localization
+from fdslam.types import Boxes, Features, Localization
 
 # Fixed-point 1.0 of 1 / rank: sums of reciprocals are integers, so the order of the OBBs cannot change them.
 RECIPROCAL_ONE = 1 << 40
@@ -72,7 +75,12 @@ def _exact_order(ranks: NDArray[np.int32], images: NDArray[np.int64]) -> NDArray
 
 
 def localize(
-    index: InvertedFile, boxes: Boxes, xy: NDArray[np.float32], words: NDArray[np.int32], config: Retrieval
+    index: InvertedFile | ObbDocuments,
+    boxes: Boxes,
+    query: Features,
+    words: NDArray[np.int32],
+    config: Retrieval,
+    map_features: Callable[[int], Features],
 ) -> Localization:
     """Localise a query by every OBB (weak) and by all together (strong).
 
@@ -81,13 +89,16 @@ def localize(
     Args:
         index: the map.
         boxes: the OBBs of the query.
-        xy: float32 [n, 2] pixels, its keypoints.
+        query: its n keypoints.
         words: int32 [n], their words.
-        config: score, islands, rank of images not retrieved, least number of keypoints.
+        config: score, islands, verification, rank of images not retrieved, least number of keypoints.
+        map_features: from a map id to the features of that image; asked for only with ``config.verify_top``.
     """
-    inside = keypoints_inside(boxes.xyxy, xy)
+    inside = keypoints_inside(boxes.xyxy, query.xy)
     speaks = inside.sum(axis=1) >= config.min_keypoints
-    levels = islands(index.scores(words, inside[speaks], config.score), config.islands)
+    inside = inside[speaks]
+    levels = islands(index.scores(words, inside, config.score), config.islands)
+    levels = verified(levels, query, inside, map_features, config.verify_top, config.verify_inliers)
     ranks = ranks_of(levels, config.unretrieved)
     source = tuple(name for name, kept in zip(boxes.source, speaks, strict=True) if kept)
     return Localization(replace(boxes, xyxy=boxes.xyxy[speaks], source=source), ranks, strong_list(ranks), boxes.xyxy)

@@ -8,6 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.bow.documents import ObbDocuments
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.orb import extract
 from fdslam.bow.vocabulary import Vocabulary, replay
@@ -15,7 +16,7 @@ from fdslam.config import Bow, Orb, Retrieval, part
 from fdslam.config import Vocabulary as VocabularyConfig
 from fdslam.context import ensure, load
 from fdslam.data.images import LIBRARIES, read_image
-from fdslam.localization import localize
+from fdslam.localization import keypoints_inside, localize
 from fdslam.obb import library_boxes
 from fdslam.progress import progress
 from fdslam.store import Arrays, Key, Stage, Store
@@ -24,6 +25,7 @@ from fdslam.types import Boxes, Features, Frame, Localization
 FEATURES = Stage("features", ("fdslam.bow.orb",), LIBRARIES)
 VOCABULARY = Stage("vocabulary", ("fdslam.bow.vocabulary",), ("numpy",))
 WORDS = Stage("words", ("fdslam.bow.vocabulary",), ("numpy",))
+SIZE = Stage("map_size", ("fdslam.mapping",), LIBRARIES)
 LOCALIZATION = Stage("localization", ("fdslam.mapping",), ("scipy", *LIBRARIES))
 
 
@@ -55,8 +57,9 @@ class FeatureStore:
 class BowMap:
     """A bag-of-words map that grows image by image: what its first images give is stored and reused by longer maps."""
 
-    def __init__(self, frames: Sequence[Frame], config: Bow, store: Store, workers: int) -> None:
-        self.frames, self.config, self.store, self.workers = tuple(frames), config, store, workers
+    def __init__(self, frames: Sequence[Frame], config: Bow, library: str, store: Store, workers: int) -> None:
+        self.frames, self.config, self.library = tuple(frames), config, library
+        self.store, self.workers = store, workers
         self.features = FeatureStore(config, store, workers)
         self.keys: list[Key] = []  # of the words of each map image: a chain, as each depends on those before
         for frame in self.frames:
@@ -64,7 +67,8 @@ class BowMap:
             self.keys.append(VOCABULARY.key(part(config, VocabularyConfig), inputs))
 
     @cached_property
-    def _learned(self) -> tuple[Vocabulary, InvertedFile]:
+    def _learned(self) -> tuple[Vocabulary, list[NDArray[np.int32]]]:
+        """The vocabulary, and the words of every map image."""
         self.features.ensure(self.frames, "features of the map")
         stored: list[NDArray[np.int32]] = []
         for key in self.keys:
@@ -72,7 +76,7 @@ class BowMap:
             if arrays is None:
                 break
             stored.append(arrays["words"])
-        vocabulary = Vocabulary(self.config.ratio, self.config.exact_below, self.config.probes)
+        vocabulary = Vocabulary(**part(self.config, VocabularyConfig))
         descriptors = (self.features.load(frame).descriptors for frame in self.frames[: len(stored)])
         for _ in replay(vocabulary, zip(descriptors, stored, strict=True)):
             pass
@@ -81,19 +85,31 @@ class BowMap:
             words = vocabulary.learn(self.features.load(frame).descriptors)
             self.store.put(VOCABULARY, key, {"words": words})
             stored.append(words)
-        return vocabulary, InvertedFile(stored, len(vocabulary))
+        return vocabulary, [vocabulary.held(words) for words in stored]
 
-    @property
-    def index(self) -> InvertedFile:
-        """The inverted file of all map images."""
-        return self._learned[1]
+    @cached_property
+    def index(self) -> InvertedFile | ObbDocuments:
+        """The inverted file of all map images, or of their OBBs."""
+        vocabulary, words = self._learned
+        if self.config.document == "image":
+            return InvertedFile(words, len(vocabulary))
+        inside = []
+        for frame in progress(self.frames, len(self.frames), "OBBs of the map"):
+            boxes = library_boxes(self.library, read_image(frame.path)).xyxy
+            inside.append(keypoints_inside(boxes, self.features.load(frame).xy))
+        return ObbDocuments.post(words, inside, len(vocabulary))
 
     def kept(self) -> float:
-        """Return the bytes per map image of the vocabulary (32 a word) and the postings (4 a keypoint)."""
-        stored = [self.store.get(VOCABULARY, key) for key in self.keys]
-        posted = [arrays["words"] for arrays in stored if arrays is not None]
-        words = max((int(word.max(initial=-1)) for word in posted), default=-1) + 1
-        return (32 * words + 4 * sum(map(len, posted))) / len(self.frames)
+        """Return the bytes per map image of all that localisation needs: words, postings, and what is verified."""
+        documents = self.library if self.config.document == "obb" else ""
+        key = SIZE.key({"documents": documents}, self.keys[-1:])
+        kept = int(load(self.store, SIZE, key, self._size)["bytes"][0])
+        if self.config.verify_top:
+            kept += sum(f.xy.nbytes + f.descriptors.nbytes for f in map(self.features.load, self.frames))
+        return kept / len(self.frames)
+
+    def _size(self) -> Arrays:
+        return {"bytes": np.array([self._learned[0].nbytes + self.index.nbytes])}
 
     def words(self, frame: Frame) -> NDArray[np.int32]:
         """Return the word of every keypoint of a query, int32 [n], NO_WORD where the ratio test fails."""
@@ -102,33 +118,34 @@ class BowMap:
     def _match(self, frame: Frame) -> Arrays:
         return {"words": self._learned[0].match(self.features.load(frame).descriptors)}
 
-    def localize(self, queries: Sequence[Frame], library: str) -> tuple[list[Key], list[Localization]]:
-        """Localise every query by the OBBs of the library.
+    def localize(self, queries: Sequence[Frame]) -> tuple[list[Key], list[Localization]]:
+        """Localise every query by its OBBs.
 
         Returns:
             The addresses and the results, in the order of the queries.
         """
-        settings = {**part(self.config, Retrieval), "library": library}
+        settings = {**part(self.config, Retrieval), "library": self.library}
         keys = [LOCALIZATION.key(settings, [self.keys[-1], self.features.key(frame)]) for frame in queries]
         missing = [q for q, key in zip(queries, keys, strict=True) if not self.store.has(LOCALIZATION, key)]
         if missing:
-            self._localize_missing(missing, dict(zip(queries, keys, strict=True)), library)
-        return keys, [self._load(key, frame, library) for key, frame in zip(keys, queries, strict=True)]
+            self._localize_missing(missing, dict(zip(queries, keys, strict=True)))
+        return keys, [self._load(key, frame) for key, frame in zip(keys, queries, strict=True)]
 
-    def _localize_missing(self, missing: list[Frame], keys: dict[Frame, Key], library: str) -> None:
+    def _localize_missing(self, missing: list[Frame], keys: dict[Frame, Key]) -> None:
         self.features.ensure(missing, "features of the queries")  # a damaged query is found before the map is learned
         _ = self.index  # learned once here, before threads ask for it
         jobs = {self._words_key(frame): partial(self._match, frame) for frame in missing}
         ensure(self.store, WORDS, jobs, self.workers, "words of the queries")
-        lists = {keys[frame]: partial(self._localize, frame, library) for frame in missing}
+        lists = {keys[frame]: partial(self._localize, frame) for frame in missing}
         ensure(self.store, LOCALIZATION, lists, self.workers, "localisation")
 
     def _words_key(self, frame: Frame) -> Key:
         return WORDS.key(part(self.config, VocabularyConfig), [self.keys[-1], self.features.key(frame)])
 
-    def _localize(self, frame: Frame, library: str) -> Arrays:
-        boxes = library_boxes(library, read_image(frame.path))
-        found = localize(self.index, boxes, self.features.load(frame).xy, self.words(frame), self.config)
+    def _localize(self, frame: Frame) -> Arrays:
+        boxes = library_boxes(self.library, read_image(frame.path))
+        query = self.features.load(frame)
+        found = localize(self.index, boxes, query, self.words(frame), self.config, self._map_features)
         compact = np.uint16 if len(self.frames) < 1 << 16 else np.int32
         source = "+".join(found.boxes.source).encode()
         return {
@@ -139,8 +156,11 @@ class BowMap:
             "library": found.library,
         }
 
-    def _load(self, key: Key, frame: Frame, library: str) -> Localization:
-        arrays = load(self.store, LOCALIZATION, key, partial(self._localize, frame, library))
+    def _map_features(self, image: int) -> Features:
+        return self.features.load(self.frames[image])
+
+    def _load(self, key: Key, frame: Frame) -> Localization:
+        arrays = load(self.store, LOCALIZATION, key, partial(self._localize, frame))
         names = arrays["source"].tobytes().decode()
         boxes = Boxes(arrays["boxes"], tuple(names.split("+")) if names else ())
         return Localization(boxes, arrays["ranks"].astype(np.int32), arrays["strong"], arrays["library"])

@@ -55,8 +55,8 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
         _check_truth(config, dataset)
         masks = load_masks(dataset, config.mask)
     with watch.stage("map and localisation"):
-        bow = BowMap(dataset.map, config.bow, store, config.workers)
-        keys, localizations = bow.localize(dataset.query, config.obb.library)
+        bow = BowMap(dataset.map, config.bow, config.obb.library, store, config.workers)
+        keys, localizations = bow.localize(dataset.query)
     hypotheses = _hypotheses(config, dataset, localizations)
     context = Context(config, dataset, store, tuple(localizations), tuple(keys), hypotheses)
     found: dict[str, Maps] = {}

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from fdslam.bow.index import InvertedFile
 from fdslam.config import Retrieval
 from fdslam.localization import keypoints_inside, localize, strong_list
-from fdslam.types import Boxes
+from fdslam.types import Boxes, Features
 from tests import reference
 
 RANKS = st.lists(st.lists(st.integers(1, 6), min_size=6, max_size=6), min_size=1, max_size=8)
@@ -44,7 +44,8 @@ def query(min_keypoints, words):
     index = InvertedFile([np.array([0, 1], np.int32), np.array([1, 2], np.int32), np.array([2, 2], np.int32)], 3)
     xy = np.array([[1, 1], [2, 2], [8, 8]], np.float32)
     boxes = Boxes(np.array([[0, 0, 5, 5], [5, 5, 10, 10], [20, 20, 30, 30]], np.float32), ("a", "b", "c"))
-    return localize(index, boxes, xy, np.array(words, np.int32), Retrieval(min_keypoints=min_keypoints))
+    features = Features(xy, np.zeros((3, 32), np.uint8))
+    return localize(index, boxes, features, np.array(words, np.int32), Retrieval(min_keypoints=min_keypoints), {}.get)
 
 
 def test_an_obb_without_enough_keypoints_says_nothing():

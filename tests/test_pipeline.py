@@ -10,6 +10,8 @@ import pytest
 from PIL import Image
 from safetensors.numpy import load_file
 
+from fdslam.bow.index import InvertedFile
+from fdslam.bow.vocabulary import Vocabulary
 from fdslam.config import Ad, Bow, Campus, Config, Evaluation, Folder, Mask, Mix, Obb, Report
 from fdslam.errors import InputError
 from fdslam.pipeline import run
@@ -55,10 +57,14 @@ def campus(tmp_path_factory):
     return config, run(config, Stopwatch())
 
 
-def _vocabulary_of(config):
-    """Per map image its new words, and per map image its keypoints, as the stored artefacts have them."""
+def _bytes_of_the_map(config):
+    """What words and postings weigh, built anew from the stored words of every map image."""
     posted = [load_file(path)["words"] for path in (Path(config.store) / "vocabulary").rglob("*.safetensors")]
-    return [np.unique(np.concatenate(posted))], posted
+    vocabulary = Vocabulary(0.8)
+    vocabulary.append(np.zeros((len(np.unique(np.concatenate(posted))), 32), np.uint8))
+    for _ in posted[1:]:
+        vocabulary.append(np.zeros((0, 32), np.uint8))
+    return vocabulary.nbytes + InvertedFile(posted, len(vocabulary)).nbytes
 
 
 def test_campus_end_to_end(campus):
@@ -78,8 +84,7 @@ def test_campus_end_to_end(campus):
     assert blob.lc_auroc.value == pytest.approx(0.5)
     assert set(outcome.leaders) == set(ROWS)
     assert outcome.kept["FD"] == 0
-    words, keypoints = (sum(map(len, posted)) for posted in _vocabulary_of(_config))
-    assert outcome.kept["bag of words"] == (32 * words + 4 * keypoints) / 10
+    assert outcome.kept["bag of words"] == _bytes_of_the_map(_config) / 10
     assert outcome.kept["PC"] > outcome.kept["bag of words"] > 0
     assert outcome.kept["AD"] > 0
 

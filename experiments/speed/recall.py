@@ -27,8 +27,8 @@ EVERY_WORD = 1 << 30
 
 def localized(data: Dataset, config: Bow, store: Store) -> tuple[list[float], list[np.ndarray]]:
     """Return recall@n in percent, and the words of every query."""
-    bow = BowMap(data.map, config, store, 0)
-    _, found = bow.localize(data.query, "J+B")
+    bow = BowMap(data.map, config, "J+B", store, 0)
+    _, found = bow.localize(data.query)
     assert data.relevant is not None
     hits = [[np.isin(one.strong[:n], true).any() for n in AT] for one, true in zip(found, data.relevant, strict=True)]
     return (100 * np.mean(hits, axis=0)).tolist(), [bow.words(frame) for frame in data.query]

@@ -105,8 +105,8 @@ def main() -> None:
     single_threaded()
     config, store = Config(store=options.store), Store(options.store)
     data = read_folder(options.root, Folder(kind="folder", root=options.root))
-    bow = BowMap(data.map, config.bow, store, 0)
-    keys, found = bow.localize(data.query, config.obb.library)
+    bow = BowMap(data.map, config.bow, config.obb.library, store, 0)
+    keys, found = bow.localize(data.query)
     hypotheses = tuple(one.strong[: config.evaluation.Y].astype(np.int64) for one in found)
     context = Context(config, data, store, tuple(found), tuple(keys), hypotheses)
     assert data.boxes is not None

@@ -23,13 +23,18 @@ if NATIVE:
     from fdslam.bow.kernels import best_per_lane_kernel, two_nearest_kernel
 
 
-def pack(descriptors: NDArray[np.uint8]) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
-    """Return descriptors (uint8 [n, 32]) as groups (uint64 [g · 32]) and their ids 0 … n-1 (int32 [g · 8], else -1)."""
+def pack(
+    descriptors: NDArray[np.uint8], names: NDArray[np.int32] | None = None
+) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
+    """Return descriptors (uint8 [n, 32]) as groups (uint64 [g · 32]) and their ids (int32 [g · 8], else -1).
+
+    The ids are ``names`` (int32 [n]), or 0 … n-1.
+    """
     groups = -(-len(descriptors) // GROUP)
     padded = np.zeros((groups * GROUP, 4), np.uint64)
     padded[: len(descriptors)] = np.ascontiguousarray(descriptors).view(np.uint64)
     ids = np.full(groups * GROUP, -1, np.int32)
-    ids[: len(descriptors)] = np.arange(len(descriptors), dtype=np.int32)
+    ids[: len(descriptors)] = np.arange(len(descriptors), dtype=np.int32) if names is None else names
     return np.ascontiguousarray(padded.reshape(groups, GROUP, 4).transpose(0, 2, 1)).reshape(-1), ids
 
 
@@ -65,17 +70,38 @@ def two_smallest(keys: Keys) -> Keys:
     return np.sort(np.partition(padded, 1, axis=1)[:, :2], axis=1)
 
 
-def two_nearest_keys(groups: NDArray[np.uint64], ids: NDArray[np.int32], queries: NDArray[np.uint8]) -> Keys:
-    """Return the keys of the two nearest descriptors of each query, uint64 [n, 2], ascending."""
+def nothing_left_out(count: int) -> NDArray[np.int32]:
+    """Return the interval of ids, for each query, that a search looks at everything: int32 [count, 2]."""
+    return np.zeros((count, 2), np.int32)
+
+
+def without(keys: Keys, leave: NDArray[np.int32]) -> Keys:
+    """Return keys (uint64 [n, m]) with NONE where the id is in its row's interval (int32 [n, 2], half-open)."""
+    names = id_of(keys)
+    return np.where((leave[:, [0]] <= names) & (names < leave[:, [1]]), NONE, keys)
+
+
+def two_nearest_keys(
+    groups: NDArray[np.uint64],
+    ids: NDArray[np.int32],
+    queries: NDArray[np.uint8],
+    leave: NDArray[np.int32] | None = None,
+) -> Keys:
+    """Return the keys of the two nearest descriptors of each query, uint64 [n, 2], ascending.
+
+    ``leave`` (int32 [n, 2]) gives each query a half-open interval of ids that are passed over.
+    """
+    leave = nothing_left_out(len(queries)) if leave is None else leave
     if NATIVE:
         out = np.full((len(queries), 2), NONE)
-        two_nearest_kernel(groups, ids, flat(queries), out.reshape(-1))
+        two_nearest_kernel(groups, ids, flat(queries), leave.reshape(-1), out.reshape(-1))
         return out
     rows = unpack(groups)
     best = np.full((len(queries), 2), NONE)
     for begin in range(0, len(ids), GROUP * _TILE):  # a tile at a time, so that memory stays bounded
         part = slice(begin, begin + GROUP * _TILE)
-        best = two_smallest(np.concatenate([best, keys_of(distances(queries, rows[part]), ids[part])], axis=1))
+        found = without(keys_of(distances(queries, rows[part]), ids[part]), leave)
+        best = two_smallest(np.concatenate([best, found], axis=1))
     return best
 
 

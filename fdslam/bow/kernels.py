@@ -155,10 +155,11 @@ def prefetch(context, array, index):
 
 
 @njit
-def scan(groups, ids, begin, end, queries, offset, out, at, keys):
+def scan(groups, ids, begin, end, queries, offset, leave, out, at, keys):
     """Compare groups ``begin`` to ``end`` with the query at ``offset`` and update its two smallest keys at ``out[at]``.
 
-    Few groups hold a descriptor nearer than the second best so far; only their keys are looked at one by one.
+    Ids from ``leave[at]`` to before ``leave[at + 1]`` are passed over. Few groups hold a descriptor nearer than the
+    second best so far; only their keys are looked at one by one.
     """
     q0, q1, q2, q3 = queries[offset], queries[offset + 1], queries[offset + 2], queries[offset + 3]
     first = out[at]
@@ -169,6 +170,9 @@ def scan(groups, ids, begin, end, queries, offset, out, at, keys):
             write_keys(groups, ids, group, q0, q1, q2, q3, keys)
             for lane in range(8):
                 key = keys[lane]
+                name = np.int64(key & np.uint64(0xFFFFFFFF))
+                if leave[at] <= name < leave[at + 1]:
+                    continue
                 if key < first:
                     second = first
                     first = key
@@ -180,13 +184,13 @@ def scan(groups, ids, begin, end, queries, offset, out, at, keys):
 
 
 @njit
-def two_nearest_kernel(groups, ids, queries, out):
+def two_nearest_kernel(groups, ids, queries, leave, out):
     """Update the two smallest keys of every query by all groups; a tile of 16 KB at a time stays in the first cache."""
     count, total = len(queries) // 4, len(ids) // 8
     keys = np.empty(8, np.uint64)
     for begin in range(0, total, 64):
         for i in range(count):
-            scan(groups, ids, begin, min(begin + 64, total), queries, 4 * i, out, 2 * i, keys)
+            scan(groups, ids, begin, min(begin + 64, total), queries, 4 * i, leave, out, 2 * i, keys)
 
 
 @njit
@@ -217,7 +221,7 @@ def _fetch(groups, ids, following, block):
 
 
 @njit
-def search_lists(groups, ids, following, first, last, fill, queries, wanting, begins, out):
+def search_lists(groups, ids, following, first, last, fill, queries, leave, wanting, begins, out):
     """Update the two smallest keys of every query by the lists it wants, list after list."""
     keys = np.empty(8, np.uint64)
     for chain in range(len(first)):
@@ -232,5 +236,5 @@ def search_lists(groups, ids, following, first, last, fill, queries, wanting, be
             size = 4 if block != last[chain] else (fill[chain] + 7) // 8
             for w in range(begin, end):
                 query = wanting[w]
-                scan(groups, ids, 4 * block, 4 * block + size, queries, 4 * query, out, 2 * query, keys)
+                scan(groups, ids, 4 * block, 4 * block + size, queries, 4 * query, leave, out, 2 * query, keys)
             block = following[block]

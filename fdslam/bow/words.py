@@ -237,32 +237,40 @@ class Words:
         """Return the keys ``distance << 32 | id`` of the two nearest words found, uint64 [n, 2]; NONE for no word."""
         return self.search(queries)[0]
 
-    def search(self, queries: NDArray[np.uint8]) -> tuple[Keys, NDArray[np.int64]]:
-        """Return the keys of the two nearest words found, and the list each query would join as a word, int64 [n]."""
+    def search(
+        self, queries: NDArray[np.uint8], leave: NDArray[np.int32] | None = None
+    ) -> tuple[Keys, NDArray[np.int64]]:
+        """Return the keys of the two nearest words found, and the list each query would join as a word, int64 [n].
+
+        ``leave`` (int32 [n, 2]) gives each query a half-open interval of ids that are passed over.
+        """
         if self._count == 0 or len(queries) == 0:
             return np.full((len(queries), 2), NONE), np.zeros(len(queries), np.int64)
         if self._pivots is None:
-            keys = hamming.two_nearest_keys(*self._in_use(), queries)
+            keys = hamming.two_nearest_keys(*self._in_use(), queries, leave)
             return keys, np.zeros(len(queries), np.int64)
+        leave = hamming.nothing_left_out(len(queries)) if leave is None else leave
         nearest = hamming.best_per_lane(*self._pivots, queries, self.depth)
         probes = hamming.id_of(nearest).reshape(len(queries), -1).astype(np.int32)
         homes = hamming.id_of(nearest[:, 0].min(axis=1))
         wanting, begins = _by_list(probes, PIVOTS)
         if not NATIVE:
-            return self._search_slowly(queries, wanting, begins), homes
+            return self._search_slowly(queries, leave, wanting, begins), homes
         out = np.full((len(queries), 2), NONE)
         pool = (self._groups, self._ids, self._following, self._first, self._last, self._fill)
-        search_lists(*pool, hamming.flat(queries), wanting, begins, out.reshape(-1))
+        search_lists(*pool, hamming.flat(queries), leave.reshape(-1), wanting, begins, out.reshape(-1))
         return out, homes
 
-    def _search_slowly(self, queries: NDArray[np.uint8], wanting: NDArray, begins: NDArray) -> Keys:
+    def _search_slowly(
+        self, queries: NDArray[np.uint8], leave: NDArray[np.int32], wanting: NDArray, begins: NDArray
+    ) -> Keys:
         best = np.full((len(queries), 2), NONE)
         for chain in np.flatnonzero(np.diff(begins)):
             who, block = wanting[begins[chain] : begins[chain + 1]], self._first[chain]
             while block >= 0:
                 words = hamming.unpack(self._groups[block * BLOCK * 4 : (block + 1) * BLOCK * 4])
                 ids = self._ids[block * BLOCK : (block + 1) * BLOCK]
-                found = hamming.keys_of(hamming.distances(queries[who], words), ids)
+                found = hamming.without(hamming.keys_of(hamming.distances(queries[who], words), ids), leave[who])
                 best[who] = hamming.two_smallest(np.concatenate([best[who], found], axis=1))
                 block = self._following[block]
         return best

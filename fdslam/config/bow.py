@@ -24,12 +24,19 @@ class Vocabulary(Checked):
     ratio: float = option(0.8, "a word is accepted if d1 <= ratio * d2", low=0, high=1)
     exact_below: int = option(100_000, "exact search of fewer words, by lists around pivots of more", low=8192)
     probes: int = option(32, "lists searched per keypoint after that: its recall", choices=(8, 16, 32, 64))
+    second: str = option(
+        "nearest",
+        "d2 is the distance of the second nearest word, or of the nearest that another place gave",
+        choices=("nearest", "other_place"),
+    )
+    purge: bool = option(False, "drop words seen fewer than 2 times by the second image after their own")
 
 
 @dataclass
 class Retrieval(Checked):
     """Weak lists."""
 
+    document: str = option("image", "what the map posts: its images, or each of their OBBs", choices=("image", "obb"))
     score: str = option(
         "ibow", "Σ over words of n_jw² idf c | n_jw idf c | idf of those present", choices=("ibow", "tfidf", "binary")
     )
@@ -41,6 +48,8 @@ class Retrieval(Checked):
         "neighbours along the path vouch for each other: iBoW-LCD's rule, DLoopDetector's, or not",
         choices=("none", "ibow", "dloop"),
     )
+    verify_top: int = option(0, "images of each list that are verified by geometry; 0: none", low=0, high=10_000)
+    verify_inliers: int = option(20, "agreeing keypoints of the whole query that verify an image", low=1)
     min_keypoints: int = option(1, "an OBB with fewer keypoints says nothing", low=1)
 
 

@@ -26,6 +26,19 @@ def loops(queries, words):
 
 
 @pytest.mark.usefixtures("path")
+@given(st.integers(0, 10_000))
+def test_ids_in_the_interval_of_a_query_are_passed_over(seed):
+    queries, words = descriptors(seed, 5), descriptors(seed + 1, 20)
+    leave = np.sort(np.random.default_rng(seed).integers(0, 21, (5, 2)), axis=1).astype(np.int32)
+    names = np.arange(100, 120, dtype=np.int32)
+    keys = hamming.two_nearest_keys(*hamming.pack(words, names), queries, leave + 100)
+    for row, ordered, (begin, end) in zip(keys, loops(queries, words), leave, strict=True):
+        expected = [(d, i + 100) for d, i in ordered if not begin <= i < end][:2]
+        found = zip(hamming.distance_of(row).tolist(), hamming.id_of(row).tolist(), strict=True)
+        assert [pair for pair in found if pair[1] >= 0] == expected
+
+
+@pytest.mark.usefixtures("path")
 @pytest.mark.parametrize("count", [0, 1, 2, 7, 8, 9, 40])
 def test_two_nearest_are_those_of_the_loops(count):
     queries, words = descriptors(count, 5), descriptors(count + 100, count)

@@ -1,9 +1,12 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fdslam.bow import words as words_module
 from fdslam.bow.vocabulary import NO_WORD, Vocabulary, distinct_rows, replay
 from tests import reference
+from tests.reference import refinement
 
 
 def images(seed, count=4, each=12):
@@ -48,6 +51,63 @@ def test_without_two_words_nothing_is_matched():
     assert list(vocabulary.learn(one)) == [0]
     assert list(vocabulary.match(one)) == [NO_WORD]  # one word has no second nearest
     assert vocabulary.learn(np.zeros((0, 32), np.uint8)).shape == (0,)
+
+
+SWITCHES = st.tuples(st.sampled_from([0.5, 0.8, 1.0]), st.sampled_from(["nearest", "other_place"]), st.booleans())
+
+
+def with_switches(switches, exact_below=100_000):
+    ratio, second, purge = switches
+    return Vocabulary(ratio, exact_below=exact_below, probes=32, second=second, purge=purge)
+
+
+@given(st.integers(0, 10_000), SWITCHES)
+def test_purge_and_other_places_are_what_the_loops_say(seed, switches):
+    oracle, vocabulary = refinement.Words(*switches), with_switches(switches)
+    session = images(seed, count=9, each=10)
+    posted = []
+    for descriptors in session:
+        posted.append(vocabulary.learn(descriptors))
+        assert list(posted[-1]) == oracle.learn(descriptors)
+    assert len(vocabulary) == len(oracle.words)
+    for words in posted:
+        assert list(vocabulary.held(words)) == [NO_WORD if w in oracle.dropped else w for w in words]
+    [query] = images(seed + 1, count=1, each=20)
+    assert list(vocabulary.match(query)) == [oracle.match(d) for d in query]
+
+
+@given(st.integers(0, 10_000), SWITCHES, st.integers(0, 9))
+def test_a_stored_vocabulary_goes_on_as_if_never_stored(seed, switches, count):
+    session = images(seed, count=12)
+    whole, part = with_switches(switches), with_switches(switches)
+    learned = [whole.learn(d) for d in session]
+    replayed = with_switches(switches)
+    for descriptors, words in zip(session[:count], learned[:count], strict=True):
+        part.learn(descriptors)
+        replayed.post(descriptors, words)
+    ratio, second, purge = switches
+    stored = Vocabulary.from_arrays(part.arrays(), ratio, 100_000, 32, second, purge)
+    assert stored.nbytes <= part.nbytes
+    for descriptors, words in zip(session[count:], learned[count:], strict=True):
+        assert list(stored.learn(descriptors)) == list(words)
+        assert list(replayed.learn(descriptors)) == list(words)
+    assert list(stored.held(learned[0])) == list(whole.held(learned[0])) == list(replayed.held(learned[0]))
+
+
+@pytest.mark.parametrize("purge", [False, True])
+def test_lists_around_pivots_keep_the_switches(monkeypatch, purge):
+    monkeypatch.setattr(words_module, "PIVOTS", 64)
+    rng = np.random.default_rng(0)
+    seen = [rng.integers(0, 256, (60, 32), dtype=np.uint8) for _ in range(4)]
+    walk = [seen[i // 2 % 4] ^ (rng.random((60, 32)) < 0.02).astype(np.uint8) for i in range(12)]
+    walk.insert(5, rng.integers(0, 256, (60, 32), dtype=np.uint8))  # a place that is passed once
+    switches = (0.8, "other_place", purge)
+    exact, listed = with_switches(switches), with_switches(switches, exact_below=64)
+    listed.words.depth = 8  # 64 lists of 64: all of them
+    for descriptors in walk:
+        assert list(listed.learn(descriptors)) == list(exact.learn(descriptors))
+    assert listed.words._pivots is not None
+    assert len(listed.words) == len(exact.words) == (240 if purge else 300)
 
 
 def test_distinct_rows_keep_the_order_of_first_appearance():

@@ -1,0 +1,66 @@
+"""Map documents: instead of an image with all its keypoints, each of its OBBs can be posted with those it holds (§FD).
+
+M and M_w of idf then count OBBs, a feature is posted once for each OBB that holds it, and the score of an image is that
+of its best OBB.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam.bow.index import InvertedFile
+
+
+def best_of(scores: NDArray[np.int64], owner: NDArray[np.int32], images: int) -> NDArray[np.int64]:
+    """Return the score of every image, that of its best document; 0 without any.
+
+    Args:
+        scores: int64 [J, D], not negative.
+        owner: int32 [D], rising, the image of each document.
+        images: M.
+
+    Returns:
+        int64 [J, M].
+    """
+    best = np.zeros((len(scores), images), np.int64)
+    holding, first = np.unique(owner, return_index=True)
+    if len(holding) and len(scores):
+        best[:, holding] = np.maximum.reduceat(scores, first, axis=1)
+    return best
+
+
+@dataclass(frozen=True)
+class ObbDocuments:
+    """An index of the OBBs of map images that answers for the images."""
+
+    index: InvertedFile  # of the OBBs
+    owner: NDArray[np.int32]  # [D] the image of each, rising
+    images: int  # M
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all it holds."""
+        return self.index.nbytes + self.owner.nbytes
+
+    @classmethod
+    def post(
+        cls, words: Sequence[NDArray[np.int32]], inside: Sequence[NDArray[np.bool_]], vocabulary_size: int
+    ) -> ObbDocuments:
+        """Post the OBBs of all map images; those without a keypoint are left out.
+
+        Args:
+            words: for each of the M images int32 [n], the words of its keypoints.
+            inside: for each image bool [B, n], which of its OBBs holds which keypoint.
+            vocabulary_size: number of words.
+        """
+        documents = [found[box] for found, boxes in zip(words, inside, strict=True) for box in boxes if box.any()]
+        owner = np.repeat(np.arange(len(words), dtype=np.int32), [int(boxes.any(axis=1).sum()) for boxes in inside])
+        return cls(InvertedFile(documents, vocabulary_size), owner, len(words))
+
+    def scores(self, words: NDArray[np.int32], inside: NDArray[np.bool_], score: str) -> NDArray[np.int64]:
+        """Return the scores of the images, int64 [J, M], as ``InvertedFile.scores`` does where images are posted."""
+        return best_of(self.index.scores(words, inside, score), self.owner, self.images)

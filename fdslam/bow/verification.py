@@ -1,0 +1,132 @@
+"""Geometric verification: a map image is where the robot is if the query's keypoints fit it as one rigid scene (§FD).
+
+The two images are matched once and one model is fitted for all OBBs together: a fundamental matrix by USAC, or a
+homography where that finds no support (a planar view). How many of the agreeing keypoints lie in each OBB is then a
+product of two matrices, so that 64 OBBs cost what one does. In the list of an OBB the verified ones of its first images
+go first, by those numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam.bow.hamming import two_nearest
+from fdslam.bow.lists import first_images
+from fdslam.types import Features
+
+RATIO = 0.8  # of the nearest and the second nearest descriptor
+PIXELS, CONFIDENCE = 2.0, 0.985  # a keypoint agrees if it is no farther from the model
+_MODELS = ((cv2.findFundamentalMat, 7), (cv2.findHomography, 4))  # and the fewest matches they take
+
+
+def correspondences(query: Features, other: Features) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Match two images by the ratio test, one to one: indices of their keypoints, int64 [k] each, the first rising.
+
+    Of several keypoints of the query that want the same one of the other image the nearest has it, then the first.
+    """
+    distance, index = two_nearest(query.descriptors, other.descriptors)
+    mine = np.flatnonzero((index[:, 1] >= 0) & (distance[:, 0] <= RATIO * distance[:, 1]))
+    order = mine[np.lexsort((mine, distance[mine, 0]))]
+    _, first = np.unique(index[order, 0], return_index=True)
+    mine = np.sort(order[first])
+    return mine, index[mine, 0].astype(np.int64)
+
+
+def _usac() -> cv2.UsacParams:
+    """Return the parameters of RANSAC: a fixed state and one thread, so that a result is always the same."""
+    parameters = cv2.UsacParams()
+    parameters.threshold, parameters.confidence = PIXELS, CONFIDENCE
+    parameters.isParallel, parameters.randomGeneratorState = False, 0
+    return parameters
+
+
+def agreeing(query: Features, other: Features, least: int) -> NDArray[np.bool_]:
+    """Tell which keypoints of the query agree with the other image, bool [n]; none, if fewer than ``least`` do."""
+    mine, theirs = correspondences(query, other)
+    result = np.zeros(len(query.xy), bool)
+    for find, needed in _MODELS:
+        if len(mine) < max(least, needed):
+            break
+        model, mask = find(query.xy[mine], other.xy[theirs], _usac())
+        if model is not None and np.count_nonzero(mask) >= least:
+            result[mine[np.asarray(mask, bool).reshape(-1)]] = True
+            break
+    return result
+
+
+def inliers_per_obb(
+    query: Features, inside: NDArray[np.bool_], others: Iterable[Features], least: int
+) -> NDArray[np.int64]:
+    """Return how many keypoints in each OBB of the query agree with each of the other images.
+
+    Args:
+        query: n keypoints.
+        inside: bool [J, n], which OBB holds which keypoint.
+        others: the C images, each matched and fitted once.
+        least: agreeing keypoints of the whole query that make an image a verified one; others count 0.
+
+    Returns:
+        int64 [J, C].
+    """
+    agree = [agreeing(query, other, least) for other in others]
+    # Floating point is exact here, and its product the fast one.
+    counts = inside.astype(np.float32) @ np.array(agree, np.float32).reshape(len(agree), len(query.xy)).T
+    return counts.astype(np.int64)
+
+
+def promote(
+    levels: NDArray[np.int64], first: NDArray[np.bool_], candidates: NDArray[np.int64], inliers: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Put verified images first, by inliers, then by their level; the others follow in the order they had.
+
+    Args:
+        levels: int64 [J, M], larger is better, 0 is never retrieved.
+        first: bool [J, C], whether a candidate is among those of the list that are verified.
+        candidates: int64 [C] map ids.
+        inliers: int64 [J, C].
+
+    Returns:
+        Levels of the new order, int64 [J, M].
+    """
+    result = levels.copy()
+    for row, among, counts in zip(result, first, inliers, strict=True):
+        chosen = np.flatnonzero(among & (counts > 0))
+        images = candidates[chosen]
+        _, grade = np.unique(np.stack([counts[chosen], row[images]], axis=1), axis=0, return_inverse=True)
+        row[images] = row.max(initial=0) + 1 + grade.reshape(-1)
+    return result
+
+
+def verified(
+    levels: NDArray[np.int64],
+    query: Features,
+    inside: NDArray[np.bool_],
+    map_features: Callable[[int], Features],
+    top: int,
+    least: int,
+) -> NDArray[np.int64]:
+    """Verify the first ``top`` images of every list, each image once, and put those that pass first.
+
+    Args:
+        levels: int64 [J, M], larger is better, 0 is never retrieved.
+        query: n keypoints.
+        inside: bool [J, n], which OBB holds which keypoint.
+        map_features: from a map id to the features of that image.
+        top: images of each list; with 0 nothing changes.
+        least: that of ``inliers_per_obb``.
+
+    Returns:
+        Levels of the new order, int64 [J, M].
+    """
+    if not top or not levels.size:
+        return levels
+    best = first_images(levels, top).astype(np.int64)
+    best[np.take_along_axis(levels, best, axis=1) == 0] = -1
+    candidates = np.unique(best[best >= 0])
+    inliers = inliers_per_obb(query, inside, (map_features(int(m)) for m in candidates), least)
+    first = (best[:, None, :] == candidates[None, :, None]).any(axis=2)
+    return promote(levels, first, candidates, inliers)
