@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.speed import verification
 from experiments.speed.stages import OBBS, cpu_seconds, random_boxes, random_descriptors, unit_seconds
 from experiments.speed.views import HEIGHT, KEYPOINTS, WIDTH, features, places
 from fdslam.bow import hamming, mapfile
@@ -29,7 +30,7 @@ from fdslam.types import Features
 
 REAL = Path(__file__).parents[3] / "shared" / "data"
 SIZES, SMALL = (250, 500, 1000, 2000, 3000), (50, 100, 200)
-QUERIES, EXACT_QUERIES, ADDED = 12, 6, 25
+QUERIES, EXACT_QUERIES, VERIFIED, ADDED = 12, 6, 3, 25
 # What the C++ costs (iBoW-LCD), measured once elsewhere in the same unit: full image + 64 lists, adding an image.
 CPP = {250: (147, 10), 500: (173, 12), 1000: (233, 15), 2000: (273, 19), 3000: (232, 21)}
 
@@ -67,40 +68,62 @@ def load_seconds(vocabulary: Vocabulary, index: InvertedFile) -> float:
     """Return the wall time from a saved map to one that answers."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "map"
-        mapfile.save(path, vocabulary.words.arrays() | index.arrays(), 1, {})
+        mapfile.save(path, vocabulary.arrays() | index.arrays(), 1, {})
         begin = time.perf_counter()
         arrays, _ = mapfile.load(path, 1)
-        Words.from_arrays(arrays, 100_000, 32)
+        Vocabulary.from_arrays(arrays, 0.8)
         InvertedFile.from_arrays(arrays)
         return time.perf_counter() - begin
 
 
+def full_and_boxes() -> np.ndarray:
+    """Return the full image and the OBBs, float32 [1 + OBBS, 4] xyxy pixels."""
+    return np.concatenate([[[0, 0, WIDTH, HEIGHT]], random_boxes(np.random.default_rng(0))]).astype(np.float32)
+
+
 def at_size(vocabulary: Vocabulary, index: InvertedFile, add: float, queries: list[Features]) -> Measured:
     """Measure the map as it is now."""
-    boxes = np.concatenate([random_boxes(np.random.default_rng(0)), [[0, 0, WIDTH, HEIGHT]]]).astype(np.float32)
+    boxes = full_and_boxes()
     lists = np.mean([cpu_seconds(lambda q=q: localize(vocabulary, index, q, boxes)) for q in queries])
     search = np.mean([cpu_seconds(lambda q=q: vocabulary.match(q.descriptors)) for q in queries])
-    kept = (vocabulary.words.nbytes + index.nbytes) / index.images
+    kept = (vocabulary.nbytes + index.nbytes) / index.images
     recall = word_recall(vocabulary.words, queries[:EXACT_QUERIES])
     loading = load_seconds(vocabulary, index)
     return Measured(index.images, len(vocabulary), float(lists), float(search), add, kept, recall, loading)
 
 
-def grow(sizes: tuple[int, ...]) -> tuple[str, list[Measured]]:
-    """Build the map image by image and measure it at every size."""
+def verify(
+    vocabulary: Vocabulary, index: InvertedFile, queries: list[Features], images: list[Features]
+) -> verification.Verification:
+    """Measure geometric verification in the map as it is now."""
+    measured = []
+    for query in progress(queries, len(queries), "verification"):
+        inside = keypoints_inside(full_and_boxes(), query.xy)
+        scores = index.scores(vocabulary.match(query.descriptors), inside, "ibow")
+        measured.append(verification.measure(query, scores, images))
+    return verification.mean(measured)
+
+
+def grow(sizes: tuple[int, ...]) -> tuple[str, list[Measured], verification.Verification]:
+    """Build the map image by image and measure it at every size; verification at the second."""
     base = places(REAL)
     step = max(len(base.query) // QUERIES, 1)
     found = (next(features(base.query, range(i, i + 1), 1)) for i in range(0, len(base.query), step))
     queries = [q for q in found if len(q.xy) == KEYPOINTS][:QUERIES]
     vocabulary, index, times, measured = Vocabulary(0.8), InvertedFile([], 0), [], []
+    images: list[Features] = []
     for one in progress(features(base.map, range(sizes[-1]), 0), sizes[-1], "map images"):
         begin = time.thread_time()
         words = vocabulary.learn(one.descriptors)
         index.add([words], len(vocabulary))
         times.append(time.thread_time() - begin)
+        if index.images <= sizes[1]:
+            images.append(one)
+        if index.images == sizes[1]:
+            checked = verify(vocabulary, index, queries[:VERIFIED], images)
         if index.images in sizes:
             measured.append(at_size(vocabulary, index, float(np.mean(times[-ADDED:])), queries))
-    return base.name, measured
+    return base.name, measured, checked
 
 
 def table(unit: float, rows: list[Measured]) -> str:
@@ -119,7 +142,7 @@ def table(unit: float, rows: list[Measured]) -> str:
     return "\n".join(lines)
 
 
-def figures(unit: float, rows: list[Measured]) -> dict[str, object]:
+def figures(unit: float, rows: list[Measured], checked: verification.Verification) -> dict[str, object]:
     """Return what a machine reads: the last row, and how the time grows from the first."""
     last = rows[-1]
     return {
@@ -129,6 +152,7 @@ def figures(unit: float, rows: list[Measured]) -> dict[str, object]:
         "add_U": last.add / unit,
         "bytes_per_image": last.bytes_per_image,
         "word_recall_at_1": last.recall,
+        "verify_speedup": checked.one_by_one / checked.together,
         "load_s": last.load,
         "map_sizes": [row.size for row in rows],
     }
@@ -143,12 +167,13 @@ def main() -> None:
     single_threaded()
     descriptors = random_descriptors()
     unit = unit_seconds(descriptors)
-    name, rows = grow(SMALL if arguments.small else SIZES)
+    name, rows, checked = grow(SMALL if arguments.small else SIZES)
     unit = min(unit, unit_seconds(descriptors))
     print(f"U = {1000 * unit:.1f} ms; {name} of {WIDTH} × {HEIGHT}, {KEYPOINTS} keypoints, {OBBS} OBBs\n")
     print(table(unit, rows))
+    print(f"\n{verification.table(unit, checked)}")
     if arguments.json:
-        arguments.json.write_text(json.dumps(figures(unit, rows), indent=1) + "\n", encoding="utf-8")
+        arguments.json.write_text(json.dumps(figures(unit, rows, checked), indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

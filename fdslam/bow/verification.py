@@ -51,11 +51,22 @@ def agreeing(query: Features, other: Features, least: int) -> NDArray[np.bool_]:
     for find, needed in _MODELS:
         if len(mine) < max(least, needed):
             break
-        model, mask = find(query.xy[mine], other.xy[theirs], _usac())
-        if model is not None and np.count_nonzero(mask) >= least:
-            result[mine[np.asarray(mask, bool).reshape(-1)]] = True
+        mask = _supporters(find, query.xy[mine], other.xy[theirs])
+        if np.count_nonzero(mask) >= least:
+            result[mine[mask]] = True
             break
     return result
+
+
+def _supporters(find: Callable[..., tuple], here: NDArray[np.float32], there: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return which of the matches (float32 [k, 2] pixels each) the best model supports, bool [k]; none without one."""
+    try:
+        model, mask = find(here, there, _usac())
+    except cv2.error as error:  # OpenCV 5.0 trips over a sample without a model, once in some 20,000 pairs
+        if "model.empty()" not in str(error):
+            raise
+        model = None
+    return np.zeros(len(here), bool) if model is None else np.asarray(mask, bool).reshape(-1)
 
 
 def inliers_per_obb(

@@ -173,7 +173,13 @@ class Vocabulary:
 
     @classmethod
     def from_arrays(
-        cls, arrays: Mapping[str, NDArray], ratio: float, exact_below: int, probes: int, second: str, purge: bool
+        cls,
+        arrays: Mapping[str, NDArray],
+        ratio: float,
+        exact_below: int = 100_000,
+        probes: int = 32,
+        second: str = "nearest",
+        purge: bool = False,
     ) -> Vocabulary:
         """Return a vocabulary from what ``arrays`` gave, under the same switches as it was learned with."""
         vocabulary = cls(ratio, exact_below, probes, second, purge)

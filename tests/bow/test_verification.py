@@ -69,6 +69,22 @@ def test_where_no_fundamental_matrix_is_found_a_homography_is_tried(monkeypatch)
     assert agreeing(query, other, 20)[:60].mean() > 0.8
 
 
+def test_what_opencv_trips_over_is_no_model_and_nothing_else_is_hidden(monkeypatch):
+    query, other = seen_from_elsewhere(5, planar=True)
+
+    def trips(message):
+        def find(*_):
+            raise cv2.error(message)
+
+        monkeypatch.setattr(verification, "_MODELS", ((find, 7), (cv2.findHomography, 4)))
+
+    trips("(-215:Assertion failed) !model.empty() in function 'setModelParameters'")
+    assert agreeing(query, other, 20)[:60].mean() > 0.8
+    trips("(-4:Insufficient memory)")
+    with pytest.raises(cv2.error, match="memory"):
+        agreeing(query, other, 20)
+
+
 def test_all_obbs_at_once_count_what_each_alone_does():
     query, other = seen_from_elsewhere(6)
     others = [other, features(7, 80), seen_from_elsewhere(6, noise=2.0)[1]]
