@@ -64,9 +64,7 @@ class Segment:
 
 
 def segment(word: NDArray[np.int32], image: NDArray[np.int32], count: NDArray) -> Segment:
-    """Return the postings (word, image, count) in order."""
-    order = np.lexsort((image, word))
-    word, image, count = word[order], image[order], count[order]
+    """Return postings (word, image, count) that are in the order of word, then image, as a segment."""
     starts = np.flatnonzero(np.concatenate([[True], word[1:] != word[:-1]])) if len(word) else np.zeros(0, np.int64)
     offsets = np.int32 if len(word) < 1 << 31 else np.int64
     begin = np.append(starts, len(word)).astype(offsets)
@@ -74,10 +72,11 @@ def segment(word: NDArray[np.int32], image: NDArray[np.int32], count: NDArray) -
 
 
 def merged(parts: Sequence[Segment]) -> Segment:
-    """Return the postings of all parts as one segment."""
+    """Return the postings of all parts, each of later images than the one before it, as one segment."""
     word = np.concatenate([part.rows() for part in parts])
-    image = np.concatenate([part.image for part in parts])
-    return segment(word, image, np.concatenate([part.count for part in parts]))
+    order = np.argsort(word, kind="stable")  # merges sorted runs, and leaves the images of a word in order
+    image = np.concatenate([part.image for part in parts])[order]
+    return segment(word[order], image, np.concatenate([part.count for part in parts])[order])
 
 
 class InvertedFile:
