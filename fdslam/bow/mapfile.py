@@ -46,10 +46,17 @@ def save(path: Path, arrays: Mapping[str, NDArray], version: int, settings: Mapp
         span = [at, at + piece.nbytes]
         header[name] = {"dtype": _CODES[piece.dtype], "shape": list(piece.shape), "data_offsets": span}
         at = span[1]
-    about = {"version": str(version), "settings": json.dumps(dict(settings)), "sha256": checksum.hexdigest()}
+    about = {"version": str(version), "settings": json.dumps(dict(settings))}
+    checksum.update(_canonical(header, about))
+    about["sha256"] = checksum.hexdigest()
     text = json.dumps({"__metadata__": about, **header}).encode()
     text += b" " * (-(len(text) + 8) % _ALIGNED)
     write_atomically(path, len(text).to_bytes(8, "little"), text, *(piece.data for piece in pieces))
+
+
+def _canonical(header: Mapping[str, Any], about: Mapping[str, str]) -> bytes:
+    """Return what the header says, as bytes that do not depend on how it was written."""
+    return json.dumps([dict(header), about["version"], about["settings"]], sort_keys=True).encode()
 
 
 def load(path: Path, version: int, verify: bool = True) -> tuple[dict[str, NDArray], dict[str, Any]]:
@@ -72,8 +79,9 @@ def load(path: Path, version: int, verify: bool = True) -> tuple[dict[str, NDArr
             length = int.from_bytes(file.read(8), "little")
             header = json.loads(file.read(length)) if length < 1 << 24 else {}
             about = header.pop("__metadata__")
-            found = int(about["version"])
-        data = np.memmap(path, np.uint8, "r", offset=8 + length) if header else np.zeros(0, np.uint8)
+            found, wanted = int(about["version"]), about["sha256"]
+        start = 8 + length
+        data = np.memmap(path, np.uint8, "r", offset=start) if path.stat().st_size > start else np.zeros(0, np.uint8)
         if found != version:
             raise InputError(f"{path}: a map of version {found}, this program reads version {version}; {again}")
         arrays = {}
@@ -85,6 +93,8 @@ def load(path: Path, version: int, verify: bool = True) -> tuple[dict[str, NDArr
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); {again}") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not a map, or cut short; {again}") from error
-    if verify and hashlib.sha256(data.data).hexdigest() != about["sha256"]:
+    checksum = hashlib.sha256(data.data if verify else b"")
+    checksum.update(_canonical(header, about))
+    if verify and checksum.hexdigest() != wanted:
         raise InputError(f"{path}: damaged, its checksum is wrong; {again}")
     return arrays, settings

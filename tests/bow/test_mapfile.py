@@ -32,13 +32,18 @@ def test_comes_back_mapped_and_aligned(file):
     assert all(np.array_equal(array, ARRAYS[name]) for name, array in load_file(file).items())
 
 
-@pytest.mark.parametrize("at", [0, 3, 20, -1, -30])
-def test_any_damage_is_named(file, at):
-    data = bytearray(file.read_bytes())
-    data[at] ^= 0xFF
-    file.write_bytes(data)
-    with pytest.raises(InputError, match=r"map: (not a map|damaged|a map of version).*build the map again"):
-        load(file, 3)
+@pytest.mark.parametrize("bits", [0x01, 0x10, 0xFF])
+def test_any_damage_is_named(file, bits):
+    whole = file.read_bytes()
+    for at in range(len(whole)):
+        file.write_bytes(whole[:at] + bytes([whole[at] ^ bits]) + whole[at + 1 :])
+        with pytest.raises(InputError, match=r"map: (not a map|damaged|a map of version).*build the map again"):
+            load(file, 3)
+
+
+def test_a_map_of_nothing_comes_back(tmp_path):
+    save(tmp_path / "map", {"c": ARRAYS["c"]}, 3, {})
+    assert load(tmp_path / "map", 3)[0]["c"].shape == (0,)
 
 
 @pytest.mark.parametrize("size", [0, 4, 8, 60, 200, 300])
