@@ -130,6 +130,36 @@ def test_c_is_shared_and_changes_no_figure(campus, c):
     assert table_csv(run(other, Stopwatch()), other) == table_csv(outcome, config)
 
 
+LISTS = {"localization", "fd"}
+WORDS = LISTS | {"vocabulary", "words", "map_size"}
+
+
+@pytest.mark.parametrize(
+    ("switch", "stages"),
+    [
+        ({"islands": "ibow"}, LISTS),
+        ({"verify_top": 3, "verify_inliers": 12}, LISTS),
+        ({"document": "obb"}, LISTS | {"map_size"}),
+        ({"purge": True}, WORDS),
+        ({"second": "other_place"}, WORDS),
+    ],
+)
+def test_every_refinement_goes_the_whole_way(campus, switch, stages):
+    config, plain = campus
+    changed = replace(config, bow=replace(config.bow, **switch), mix=Mix(rows=["FD"]))
+    store = Path(config.store)
+    before = artefacts(store)
+    outcome = run(changed, Stopwatch())
+    assert {path.relative_to(store).parts[0] for path in artefacts(store).keys() - before.keys()} == stages
+    pairs = zip(outcome.localizations, plain.localizations, strict=True)
+    assert any(not np.array_equal(a.ranks, b.ranks) for a, b in pairs)
+    assert outcome.recall[5].value > 20
+    kept, whole = outcome.kept["bag of words"], plain.kept["bag of words"]
+    assert {"verify_top": kept > whole + 300 * 40 * 0.9, "purge": kept < whole}.get(next(iter(switch)), True)
+    alone = replace(changed, workers=1, store=str(store.parent / f"alone-{next(iter(switch))}"))
+    assert table(alone) == table_csv(outcome, changed)
+
+
 def test_workers_and_a_damaged_store_change_nothing(campus, tmp_path):
     config, outcome = campus
     expected = table_csv(outcome, config)
