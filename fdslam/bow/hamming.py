@@ -43,6 +43,11 @@ def flat(descriptors: NDArray[np.uint8]) -> NDArray[np.uint64]:
     return np.ascontiguousarray(descriptors).view(np.uint64).reshape(-1)
 
 
+def flat_interval(leave: NDArray[np.int32] | None) -> NDArray[np.int32] | None:
+    """Return the intervals (int32 [n, 2]) as kernels take them: int32 [2 n]."""
+    return None if leave is None else np.ascontiguousarray(leave).reshape(-1)
+
+
 def unpack(groups: NDArray[np.uint64]) -> NDArray[np.uint8]:
     """Return the descriptors of groups (uint64 [g · 32]), those of empty places too: uint8 [g · 8, 32]."""
     rows = np.ascontiguousarray(groups.reshape(-1, 4, GROUP).transpose(0, 2, 1))
@@ -70,13 +75,10 @@ def two_smallest(keys: Keys) -> Keys:
     return np.sort(np.partition(padded, 1, axis=1)[:, :2], axis=1)
 
 
-def nothing_left_out(count: int) -> NDArray[np.int32]:
-    """Return the interval of ids, for each query, that a search looks at everything: int32 [count, 2]."""
-    return np.zeros((count, 2), np.int32)
-
-
-def without(keys: Keys, leave: NDArray[np.int32]) -> Keys:
+def without(keys: Keys, leave: NDArray[np.int32] | None) -> Keys:
     """Return keys (uint64 [n, m]) with NONE where the id is in its row's interval (int32 [n, 2], half-open)."""
+    if leave is None:
+        return keys
     names = id_of(keys)
     return np.where((leave[:, [0]] <= names) & (names < leave[:, [1]]), NONE, keys)
 
@@ -91,10 +93,9 @@ def two_nearest_keys(
 
     ``leave`` (int32 [n, 2]) gives each query a half-open interval of ids that are passed over.
     """
-    leave = nothing_left_out(len(queries)) if leave is None else leave
     if NATIVE:
         out = np.full((len(queries), 2), NONE)
-        two_nearest_kernel(groups, ids, flat(queries), leave.reshape(-1), out.reshape(-1))
+        two_nearest_kernel(groups, ids, flat(queries), flat_interval(leave), out.reshape(-1))
         return out
     rows = unpack(groups)
     best = np.full((len(queries), 2), NONE)

@@ -158,8 +158,8 @@ def prefetch(context, array, index):
 def scan(groups, ids, begin, end, queries, offset, leave, out, at, keys):
     """Compare groups ``begin`` to ``end`` with the query at ``offset`` and update its two smallest keys at ``out[at]``.
 
-    Ids from ``leave[at]`` to before ``leave[at + 1]`` are passed over. Few groups hold a descriptor nearer than the
-    second best so far; only their keys are looked at one by one.
+    Ids from ``leave[at]`` to before ``leave[at + 1]`` are passed over; for None there is code of its own, without the
+    question. Few groups hold a descriptor nearer than the second best so far; only their keys are looked at one by one.
     """
     q0, q1, q2, q3 = queries[offset], queries[offset + 1], queries[offset + 2], queries[offset + 3]
     first = out[at]
@@ -170,9 +170,10 @@ def scan(groups, ids, begin, end, queries, offset, leave, out, at, keys):
             write_keys(groups, ids, group, q0, q1, q2, q3, keys)
             for lane in range(8):
                 key = keys[lane]
-                name = np.int64(key & np.uint64(0xFFFFFFFF))
-                if leave[at] <= name < leave[at + 1]:
-                    continue
+                if leave is not None:
+                    name = np.int64(key & np.uint64(0xFFFFFFFF))
+                    if leave[at] <= name < leave[at + 1]:
+                        continue
                 if key < first:
                     second = first
                     first = key

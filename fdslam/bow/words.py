@@ -249,7 +249,6 @@ class Words:
         if self._pivots is None:
             keys = hamming.two_nearest_keys(*self._in_use(), queries, leave)
             return keys, np.zeros(len(queries), np.int64)
-        leave = hamming.nothing_left_out(len(queries)) if leave is None else leave
         nearest = hamming.best_per_lane(*self._pivots, queries, self.depth)
         probes = hamming.id_of(nearest).reshape(len(queries), -1).astype(np.int32)
         homes = hamming.id_of(nearest[:, 0].min(axis=1))
@@ -258,11 +257,12 @@ class Words:
             return self._search_slowly(queries, leave, wanting, begins), homes
         out = np.full((len(queries), 2), NONE)
         pool = (self._groups, self._ids, self._following, self._first, self._last, self._fill)
-        search_lists(*pool, hamming.flat(queries), leave.reshape(-1), wanting, begins, out.reshape(-1))
+        skipped = hamming.flat_interval(leave)
+        search_lists(*pool, hamming.flat(queries), skipped, wanting, begins, out.reshape(-1))
         return out, homes
 
     def _search_slowly(
-        self, queries: NDArray[np.uint8], leave: NDArray[np.int32], wanting: NDArray, begins: NDArray
+        self, queries: NDArray[np.uint8], leave: NDArray[np.int32] | None, wanting: NDArray, begins: NDArray
     ) -> Keys:
         best = np.full((len(queries), 2), NONE)
         for chain in np.flatnonzero(np.diff(begins)):
@@ -270,7 +270,8 @@ class Words:
             while block >= 0:
                 words = hamming.unpack(self._groups[block * BLOCK * 4 : (block + 1) * BLOCK * 4])
                 ids = self._ids[block * BLOCK : (block + 1) * BLOCK]
-                found = hamming.without(hamming.keys_of(hamming.distances(queries[who], words), ids), leave[who])
+                found = hamming.keys_of(hamming.distances(queries[who], words), ids)
+                found = hamming.without(found, None if leave is None else leave[who])
                 best[who] = hamming.two_smallest(np.concatenate([best[who], found], axis=1))
                 block = self._following[block]
         return best
