@@ -43,11 +43,6 @@ def flat(descriptors: NDArray[np.uint8]) -> NDArray[np.uint64]:
     return np.ascontiguousarray(descriptors).view(np.uint64).reshape(-1)
 
 
-def flat_interval(leave: NDArray[np.int32] | None) -> NDArray[np.int32] | None:
-    """Return the intervals (int32 [n, 2]) as kernels take them: int32 [2 n]."""
-    return None if leave is None else np.ascontiguousarray(leave).reshape(-1)
-
-
 def unpack(groups: NDArray[np.uint64]) -> NDArray[np.uint8]:
     """Return the descriptors of groups (uint64 [g · 32]), those of empty places too: uint8 [g · 8, 32]."""
     rows = np.ascontiguousarray(groups.reshape(-1, 4, GROUP).transpose(0, 2, 1))
@@ -95,7 +90,7 @@ def two_nearest_keys(
     """
     if NATIVE:
         out = np.full((len(queries), 2), NONE)
-        two_nearest_kernel(groups, ids, flat(queries), flat_interval(leave), out.reshape(-1))
+        two_nearest_kernel(groups, ids, flat(queries), leave, out.reshape(-1))
         return out
     rows = unpack(groups)
     best = np.full((len(queries), 2), NONE)

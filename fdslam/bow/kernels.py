@@ -158,8 +158,9 @@ def prefetch(context, array, index):
 def scan(groups, ids, begin, end, queries, offset, leave, out, at, keys):
     """Compare groups ``begin`` to ``end`` with the query at ``offset`` and update its two smallest keys at ``out[at]``.
 
-    Ids from ``leave[at]`` to before ``leave[at + 1]`` are passed over; for None there is code of its own, without the
-    question. Few groups hold a descriptor nearer than the second best so far; only their keys are looked at one by one.
+    Ids from ``leave[at // 2, 0]`` to before ``leave[at // 2, 1]`` are passed over; for None numba compiles code of its
+    own, without the question. Few groups hold a descriptor nearer than the second best so far; only their keys are
+    looked at one by one.
     """
     q0, q1, q2, q3 = queries[offset], queries[offset + 1], queries[offset + 2], queries[offset + 3]
     first = out[at]
@@ -172,7 +173,7 @@ def scan(groups, ids, begin, end, queries, offset, leave, out, at, keys):
                 key = keys[lane]
                 if leave is not None:
                     name = np.int64(key & np.uint64(0xFFFFFFFF))
-                    if leave[at] <= name < leave[at + 1]:
+                    if leave[at // 2, 0] <= name < leave[at // 2, 1]:
                         continue
                 if key < first:
                     second = first

@@ -257,8 +257,7 @@ class Words:
             return self._search_slowly(queries, leave, wanting, begins), homes
         out = np.full((len(queries), 2), NONE)
         pool = (self._groups, self._ids, self._following, self._first, self._last, self._fill)
-        skipped = hamming.flat_interval(leave)
-        search_lists(*pool, hamming.flat(queries), skipped, wanting, begins, out.reshape(-1))
+        search_lists(*pool, hamming.flat(queries), leave, wanting, begins, out.reshape(-1))
         return out, homes
 
     def _search_slowly(
