@@ -20,7 +20,7 @@ _TILE = 64  # groups: 16 KB of descriptors stay in the first cache while every q
 Keys = NDArray[np.uint64]
 
 if NATIVE:
-    from fdslam.bow.kernels import best_per_lane_kernel, two_nearest_kernel
+    from fdslam.bow.kernels import two_nearest_kernel
 
 
 def pack(
@@ -98,33 +98,6 @@ def two_nearest_keys(
         part = slice(begin, begin + GROUP * _TILE)
         found = without(keys_of(distances(queries, rows[part]), ids[part]), leave)
         best = two_smallest(np.concatenate([best, found], axis=1))
-    return best
-
-
-def best_per_lane(groups: NDArray[np.uint64], ids: NDArray[np.int32], queries: NDArray[np.uint8], depth: int) -> Keys:
-    """Return the keys of the ``depth`` nearest descriptors among those of each of the eight places of a group.
-
-    That is nearly the 8 · depth nearest, without a selection: random descriptors do not crowd in one place.
-
-    Args:
-        groups: uint64 [g · 32].
-        ids: int32 [g · 8].
-        queries: uint8 [n, 32].
-        depth: 1, 2, 4 or 8.
-
-    Returns:
-        uint64 [n, depth, 8], rising along the second axis; NONE where a place has fewer.
-    """
-    if NATIVE:
-        out = np.empty((len(queries), depth, GROUP), np.uint64)
-        best_per_lane_kernel(groups, ids, flat(queries), depth, out.reshape(-1))
-        return out
-    best = np.full((len(queries), depth, GROUP), NONE)
-    rows = unpack(groups)
-    for begin in range(0, len(ids), GROUP * _TILE):
-        part = slice(begin, begin + GROUP * _TILE)
-        found = keys_of(distances(queries, rows[part]), ids[part]).reshape(len(queries), -1, GROUP)
-        best = np.sort(np.concatenate([best, found], axis=1), axis=1)[:, :depth]
     return best
 
 

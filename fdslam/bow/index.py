@@ -52,7 +52,8 @@ class Segment:
         """Return where the postings of these words are, and for each of them the position in ``words``."""
         place = np.minimum(np.searchsorted(self.word, words), max(len(self.word) - 1, 0))
         held = np.flatnonzero(self.word[place] == words) if len(self.word) else np.zeros(0, np.int64)
-        begin, length = self.begin[place[held]].astype(np.int64), np.diff(self.begin)[place[held]]
+        begin = self.begin[place[held]].astype(np.int64)
+        length = self.begin[place[held] + 1] - begin
         row = np.repeat(held, length)
         within = np.arange(len(row)) - np.repeat(np.cumsum(length) - length, length)
         return np.repeat(begin, length) + within, row

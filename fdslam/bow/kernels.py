@@ -23,9 +23,11 @@ intrinsic: Any = _intrinsic  # inside a kernel the first argument, the typing co
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _EIGHT, _EIGHT_IDS = ir.VectorType(_I64, 8), ir.VectorType(_I32, 8)
 _SHIFT = ir.Constant(_EIGHT, [32] * 8)
-_LARGEST = ir.Constant(_EIGHT, [-1] * 8)
-AHEAD = 1  # lists whose words are asked for before the search reaches them
-_LOCALITY = 2  # the second cache: a list is asked for while the one before it is searched
+NONE = np.uint64(0xFFFFFFFFFFFFFFFF)  # the key of nothing, as in hamming.py
+HUB_DEPTH = 4  # as in pivots.py
+RUN = 16  # blocks searched at once, 18 KB: they stay in the first cache
+AHEAD = 16  # blocks that are asked for before the search reaches them
+_LOCALITY = 2  # of what is asked for: the second cache
 
 
 def _call(builder: Any, name: str, *values: Any) -> Any:
@@ -116,22 +118,25 @@ def _sink(builder: Any, key: Any, best: list[Any]) -> None:
 
 
 @intrinsic(prefer_literal=True)
-def keep_best(context, groups, ids, count, queries, offset, out, at, depth):
-    """Compare the first ``count`` groups with a query; write the ``depth`` smallest keys of each place to ``at``."""
+def keep_best(context, groups, ids, begin, end, queries, offset, out, at, depth):
+    """Compare groups ``begin`` to ``end`` with a query; update the ``depth`` smallest keys of each place at ``at``."""
     if not isinstance(depth, types.IntegerLiteral):
         return None
     i64 = types.int64
-    signature = types.void(groups, ids, i64, queries, i64, out, i64, depth)
+    signature = types.void(groups, ids, i64, i64, queries, i64, out, i64, depth)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        arrays = {i: _pointer(context, builder, signature.args[i], arguments[i]) for i in (0, 1, 3, 5)}
-        start = _at(builder, arrays[3], arguments[4])
+        arrays = {i: _pointer(context, builder, signature.args[i], arguments[i]) for i in (0, 1, 4, 6)}
+        start = _at(builder, arrays[4], arguments[5])
         query = [_repeated(builder, builder.load(_at(builder, start, part))) for part in range(4)]
-        best = [cgutils.alloca_once_value(builder, _LARGEST) for _ in range(depth.literal_value)]
-        with cgutils.for_range(builder, arguments[2]) as loop:
-            _sink(builder, _keys(builder, arrays[0], arrays[1], loop.index, query), best)
-        for i, kept in enumerate(best):
-            place = _at(builder, arrays[5], builder.add(arguments[6], ir.Constant(_I64, 8 * i)))
+        places = [
+            _at(builder, arrays[6], builder.add(arguments[7], ir.Constant(_I64, 8 * i)))
+            for i in range(depth.literal_value)
+        ]
+        best = [cgutils.alloca_once_value(builder, _load(builder, place, _EIGHT, 8)) for place in places]
+        with cgutils.for_range_slice(builder, arguments[2], arguments[3], ir.Constant(_I64, 1)) as (group, _):
+            _sink(builder, _keys(builder, arrays[0], arrays[1], group, query), best)
+        for place, kept in zip(places, best, strict=True):
             _store(builder, builder.load(kept), place)
         return context.get_dummy_value()
 
@@ -196,47 +201,76 @@ def two_nearest_kernel(groups, ids, queries, leave, out):
 
 
 @njit
-def best_per_lane_kernel(groups, ids, queries, depth, out):
+def nearest_pivots_kernel(hubs, hub_ids, groups, ids, begins, queries, depth, out):
     """Write the ``depth`` smallest keys of each of the eight places; every depth is code of its own."""
-    total = len(ids) // 8
+    visited = np.empty(8 * HUB_DEPTH, np.uint64)
+    out[:] = NONE
     for i in range(len(queries) // 4):
+        visited[:] = NONE
+        keep_best(hubs, hub_ids, 0, len(hub_ids) // 8, queries, 4 * i, visited, 0, HUB_DEPTH)
         at = i * 8 * depth
-        if depth == 1:
-            keep_best(groups, ids, total, queries, 4 * i, out, at, 1)
-        elif depth == 2:
-            keep_best(groups, ids, total, queries, 4 * i, out, at, 2)
-        elif depth == 4:
-            keep_best(groups, ids, total, queries, 4 * i, out, at, 4)
-        else:
-            keep_best(groups, ids, total, queries, 4 * i, out, at, 8)
+        for key in visited:
+            if key == NONE:
+                continue
+            hub = np.int64(key & np.uint64(0xFFFFFFFF))
+            begin, end = begins[hub], begins[hub + 1]
+            if depth == 1:
+                keep_best(groups, ids, begin, end, queries, 4 * i, out, at, 1)
+            elif depth == 2:
+                keep_best(groups, ids, begin, end, queries, 4 * i, out, at, 2)
+            elif depth == 4:
+                keep_best(groups, ids, begin, end, queries, 4 * i, out, at, 4)
+            else:
+                keep_best(groups, ids, begin, end, queries, 4 * i, out, at, 8)
 
 
 @njit
-def _fetch(groups, ids, following, block):
-    """Ask for a list's words from this block on, ahead of the search in them."""
-    while block >= 0:
-        for line in range(16):
-            prefetch(groups, block * 128 + line * 8)
-        prefetch(ids, block * 32)
-        prefetch(ids, block * 32 + 16)
-        block = following[block]
+def count_ones(rows, mine, ones):
+    """Add the bits of every row (uint8 [n, 32]) to those of its centre (int32 [count, 256])."""
+    for i in range(len(rows)):
+        for byte in range(32):
+            value = rows[i, byte]
+            for bit in range(8):
+                ones[mine[i], 8 * byte + bit] += (value >> (7 - bit)) & 1
 
 
 @njit
 def search_lists(groups, ids, following, first, last, fill, queries, leave, wanting, begins, out):
-    """Update the two smallest keys of every query by the lists it wants, list after list."""
+    """Update the two smallest keys of every query by the lists it wants, list after list.
+
+    The blocks to come are asked for little by little while those before them are searched: to wait for memory would
+    take as long as the search.
+    """
     keys = np.empty(8, np.uint64)
+    visited = np.empty(len(following), np.int32)
+    starts = np.zeros(len(first) + 1, np.int64)
+    count = 0
+    for chain in range(len(first)):
+        if begins[chain] < begins[chain + 1]:
+            block = first[chain]
+            while block >= 0:
+                visited[count] = block
+                count += 1
+                block = following[block]
+        starts[chain + 1] = count
+    asked = 0  # lines of 64 bytes, 16 to a block
     for chain in range(len(first)):
         begin = begins[chain]
         end = begins[chain + 1]
-        if begin == end:
-            continue
-        block = first[chain]
-        if chain + AHEAD < len(first) and begins[chain + AHEAD] < begins[chain + AHEAD + 1]:
-            _fetch(groups, ids, following, first[chain + AHEAD])
-        while block >= 0:
-            size = 4 if block != last[chain] else (fill[chain] + 7) // 8
+        i = starts[chain]
+        while i < starts[chain + 1]:
+            j = i + 1  # the end of a run of blocks that lie side by side
+            while j < starts[chain + 1] and visited[j] == visited[j - 1] + 1 and j - i < RUN:
+                j += 1
+            tail = (fill[chain] + 7) // 8 if visited[j - 1] == last[chain] else 4
+            end_group = 4 * visited[j - 1] + tail
+            line = asked
+            asked = 16 * min(j + AHEAD, count)
+            share = (asked - line) // (end - begin) + 1
             for w in range(begin, end):
+                for ahead in range(line, min(line + share, asked)):
+                    prefetch(groups, 128 * visited[ahead // 16] + 8 * (ahead % 16))
+                line += share
                 query = wanting[w]
-                scan(groups, ids, 4 * block, 4 * block + size, queries, 4 * query, leave, out, 2 * query, keys)
-            block = following[block]
+                scan(groups, ids, 4 * visited[i], end_group, queries, 4 * query, leave, out, 2 * query, keys)
+            i = j

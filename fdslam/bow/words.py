@@ -1,10 +1,10 @@
 """The growing set of words and the search for the two nearest: exact while it is small, by lists around pivots after.
 
-While there are fewer than ``exact_below`` words every query is compared with all of them. Then PIVOTS of the words,
-drawn with a fixed seed and moved twice to the majority of the bits around them, become pivots; every word belongs to
-the list of its nearest pivot, and a query is compared with the words in the lists of its ``probes`` nearest pivots. A
-word never changes its list, so adding is an append. A word equal to a query is always found: both have the same
-nearest pivot.
+While there are fewer than ``exact_below`` words every query is compared with all of them. Then pivots are chosen
+(pivots.py); every word belongs to the list of its nearest pivot, and a query is compared with the words in the lists of
+its ``probes`` nearest pivots. Adding is an append to the lists. When there are twice the words that the pivots were
+chosen from, more are chosen and all words go to their lists anew, so that lists stay short: over a map's life a word
+does so about twice. A word equal to a query is always found: both have the same nearest pivot.
 
 Lists are chains of blocks of 32 words in one pool. All queries are searched together, list by list, so that a list is
 fetched once for all that want it; each query's result depends on that query and the words alone.
@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from fdslam.bow import hamming
 from fdslam.bow.hamming import GROUP, NONE, Keys
 from fdslam.bow.native import NATIVE, njit, say_what_is_slow
+from fdslam.bow.pivots import Pivots
 
 if NATIVE:
     from fdslam.bow.kernels import search_lists
 
-PIVOTS = 8192
+PIVOT = "pivot_"  # before the names of the arrays of pivots
 BLOCK = 32  # words in a block: 1 KB
-SEED = 0
-ROUNDS = 2  # of moving the pivots: more gain nothing
+GROWTH = 2  # pivots are chosen anew when there are so many times the words that there were
 LOOSE = 1.1  # the pool is put in the order of the lists when it has grown by this since the last time
 
 
@@ -89,24 +89,6 @@ def _by_list(probes, lists):
     return queries, begins
 
 
-def choose_pivots(words: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return PIVOTS descriptors around which the words lie, uint8 [PIVOTS, 32].
-
-    Drawn from the words, then each is moved to the majority of every bit among the words nearest to it (a bit keeps
-    its value where there is no majority), ROUNDS times.
-    """
-    pivots = words[np.sort(np.random.default_rng(SEED).choice(len(words), PIVOTS, replace=False))]
-    for _ in range(ROUNDS):
-        nearest = hamming.id_of(hamming.two_nearest_keys(*hamming.pack(pivots), words)[:, 0])
-        order, members = np.argsort(nearest, kind="stable"), np.bincount(nearest, minlength=PIVOTS)
-        taken = members > 0
-        begins = (np.cumsum(members) - members)[taken]
-        ones = np.add.reduceat(np.unpackbits(words[order], axis=1), begins, axis=0, dtype=np.int32)
-        half, old = members[taken, None], np.unpackbits(pivots[taken], axis=1)
-        pivots[taken] = np.packbits(np.where(2 * ones == half, old, 2 * ones > half), axis=1)
-    return pivots
-
-
 class Words:
     """Immutable 256-bit words that only ever grow in number; their ids are 0, 1, 2, … in the order of adding."""
 
@@ -120,7 +102,7 @@ class Words:
         say_what_is_slow()
         self.exact_below, self.depth = exact_below, probes // GROUP
         self._count = 0
-        self._pivots: tuple[NDArray[np.uint64], NDArray[np.int32]] | None = None
+        self._pivots: Pivots | None = None
         self._clear(1)
 
     def _clear(self, lists: int) -> None:
@@ -137,7 +119,7 @@ class Words:
     @property
     def nbytes(self) -> int:
         """Bytes of the words, their ids and the lists in use."""
-        pivots = sum(array.nbytes for array in self._pivots) if self._pivots else 0
+        pivots = self._pivots.nbytes if self._pivots else 0
         chains = self._first.nbytes + self._last.nbytes + self._fill.nbytes
         return self._used * BLOCK * (32 + 4) + 4 * self._used + chains + pivots
 
@@ -159,8 +141,8 @@ class Words:
         groups, ids = self._in_use()
         kept: dict[str, NDArray] = {"groups": groups, "ids": ids, "following": self._following[: self._used]}
         kept |= {"first": self._first, "last": self._last, "fill": self._fill}
-        kept["pivots"], kept["pivot_ids"] = self._pivots or (np.zeros(0, np.uint64), np.zeros(0, np.int32))
-        return kept
+        pivots = {} if self._pivots is None else self._pivots.arrays()
+        return kept | {f"{PIVOT}{name}": array for name, array in pivots.items()}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray], exact_below: int, probes: int) -> Words:
@@ -170,7 +152,8 @@ class Words:
         words._first, words._last, words._fill = (np.array(arrays[name]) for name in ("first", "last", "fill"))
         words._used = words._tidy = len(words._following)
         words._count = int((words._ids >= 0).sum())
-        words._pivots = (arrays["pivots"], arrays["pivot_ids"]) if len(arrays["pivots"]) else None
+        pivots = {name.removeprefix(PIVOT): array for name, array in arrays.items() if name.startswith(PIVOT)}
+        words._pivots = Pivots.from_arrays(pivots) if pivots else None
         return words
 
     def append(self, words: NDArray[np.uint8], lists: NDArray[np.int64] | None = None) -> None:
@@ -180,10 +163,13 @@ class Words:
             words: uint8 [n, 32].
             lists: int64 [n], what ``search`` gave for them just now, if it did: they need not be searched for again.
         """
-        if self._pivots is None and self._count + len(words) >= max(self.exact_below, PIVOTS):
+        limit, total = GROWTH * self._pivots.words if self._pivots else self.exact_below, self._count + len(words)
+        if total >= limit:
+            while total >= GROWTH * limit:
+                limit *= GROWTH
             everything = np.concatenate([self.descriptors(), words])
-            self._pivots = hamming.pack(choose_pivots(everything))
-            self._clear(PIVOTS)
+            self._pivots = Pivots.choose(everything[:limit])  # whatever the steps in which the words came
+            self._clear(len(self._pivots))
             self._count, words, lists = 0, everything, None
         for begin in range(0, len(words), 1 << 16):
             part = slice(begin, begin + (1 << 16))
@@ -204,7 +190,7 @@ class Words:
     def _homes(self, words: NDArray[np.uint8]) -> NDArray[np.int64]:
         if self._pivots is None:
             return np.zeros(len(words), np.int64)
-        return hamming.id_of(hamming.two_nearest_keys(*self._pivots, words)[:, 0])
+        return self._pivots.home(words)
 
     def _put(self, words: NDArray[np.uint8], lists: NDArray[np.int64]) -> None:
         self._reserve(self._used + self._new_blocks(lists))
@@ -249,10 +235,10 @@ class Words:
         if self._pivots is None:
             keys = hamming.two_nearest_keys(*self._in_use(), queries, leave)
             return keys, np.zeros(len(queries), np.int64)
-        nearest = hamming.best_per_lane(*self._pivots, queries, self.depth)
+        nearest = self._pivots.nearest(queries, self.depth)
         probes = hamming.id_of(nearest).reshape(len(queries), -1).astype(np.int32)
         homes = hamming.id_of(nearest[:, 0].min(axis=1))
-        wanting, begins = _by_list(probes, PIVOTS)
+        wanting, begins = _by_list(probes, len(self._first))
         if not NATIVE:
             return self._search_slowly(queries, leave, wanting, begins), homes
         out = np.full((len(queries), 2), NONE)

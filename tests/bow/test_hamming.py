@@ -50,19 +50,6 @@ def test_two_nearest_are_those_of_the_loops(count):
         assert (distance[i, len(known) :] > 256).all()
 
 
-@pytest.mark.usefixtures("path")
-@pytest.mark.parametrize("depth", [1, 2, 4, 8])
-def test_best_per_lane_are_those_of_the_loops(depth):
-    queries, words = descriptors(depth, 3), descriptors(depth + 50, 21)
-    keys = hamming.best_per_lane(*hamming.pack(words), queries, depth)
-    for i, ordered in enumerate(loops(queries, words)):
-        for lane in range(8):
-            mine = [(d, w) for d, w in ordered if w % 8 == lane][:depth]
-            found = zip(hamming.distance_of(keys[i, :, lane]), hamming.id_of(keys[i, :, lane]), strict=True)
-            assert list(found)[: len(mine)] == mine
-            assert (keys[i, len(mine) :, lane] == hamming.NONE).all()
-
-
 @given(st.integers(0, 1000), st.integers(0, 70))
 def test_pack_and_unpack_are_inverse(seed, count):
     words = descriptors(seed, count)

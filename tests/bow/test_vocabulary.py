@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fdslam.bow import words as words_module
+from fdslam.bow import pivots
 from fdslam.bow.vocabulary import NO_WORD, Vocabulary, distinct_rows, replay
 from tests import reference
 from tests.reference import refinement
@@ -96,14 +96,14 @@ def test_a_stored_vocabulary_goes_on_as_if_never_stored(seed, switches, count):
 
 @pytest.mark.parametrize("purge", [False, True])
 def test_lists_around_pivots_keep_the_switches(monkeypatch, purge):
-    monkeypatch.setattr(words_module, "PIVOTS", 64)
+    monkeypatch.setattr(pivots, "WORDS_PER_PIVOT", 4)
     rng = np.random.default_rng(0)
     seen = [rng.integers(0, 256, (60, 32), dtype=np.uint8) for _ in range(4)]
     walk = [seen[i // 2 % 4] ^ (rng.random((60, 32)) < 0.02).astype(np.uint8) for i in range(12)]
     walk.insert(5, rng.integers(0, 256, (60, 32), dtype=np.uint8))  # a place that is passed once
     switches = (0.8, "other_place", purge)
     exact, listed = with_switches(switches), with_switches(switches, exact_below=64)
-    listed.words.depth = 8  # 64 lists of 64: all of them
+    listed.words.depth = 8  # 64 lists or more: all of them
     for descriptors in walk:
         assert list(listed.learn(descriptors)) == list(exact.learn(descriptors))
     assert listed.words._pivots is not None
