@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.bow.bag import BagOfWords
 from fdslam.bow.documents import ObbDocuments
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.orb import extract
 from fdslam.bow.vocabulary import Vocabulary, replay
 from fdslam.config import Bow, Orb, Retrieval, part
-from fdslam.config import Vocabulary as VocabularyConfig
+from fdslam.config import Vocabulary as Switches
 from fdslam.context import ensure, load
 from fdslam.data.images import LIBRARIES, read_image
+from fdslam.errors import InputError
 from fdslam.localization import keypoints_inside, localize
 from fdslam.obb import library_boxes
 from fdslam.progress import progress
 from fdslam.store import Arrays, Key, Stage, Store
 from fdslam.types import Boxes, Features, Frame, Localization
 
+log = logging.getLogger(__name__)
 FEATURES = Stage("features", ("fdslam.bow.orb",), LIBRARIES)
 VOCABULARY = Stage("vocabulary", ("fdslam.bow.vocabulary",), ("numpy",))
 WORDS = Stage("words", ("fdslam.bow.vocabulary",), ("numpy",))
-SIZE = Stage("map_size", ("fdslam.mapping",), LIBRARIES)
+MAP = Stage("map", ("fdslam.mapping",), LIBRARIES)
 LOCALIZATION = Stage("localization", ("fdslam.mapping",), ("scipy", *LIBRARIES))
 
 
@@ -64,11 +68,25 @@ class BowMap:
         self.keys: list[Key] = []  # of the words of each map image: a chain, as each depends on those before
         for frame in self.frames:
             inputs = [*self.keys[-1:], self.features.key(frame)]
-            self.keys.append(VOCABULARY.key(part(config, VocabularyConfig), inputs))
+            self.keys.append(VOCABULARY.key(part(config, Switches), inputs))
 
     @cached_property
-    def _learned(self) -> tuple[Vocabulary, list[NDArray[np.int32]]]:
-        """The vocabulary, and the words of every map image."""
+    def bag(self) -> BagOfWords:
+        """The map, from its file; made and stored if it is absent or damaged."""
+        path = self.store.path(MAP, self._map_key())
+        if path.is_file():
+            try:
+                return BagOfWords.load(path)
+            except InputError as error:
+                log.warning("%s: it is made again", error)
+        self._learn().save(path)
+        return BagOfWords.load(path)
+
+    def _map_key(self) -> Key:
+        documents = self.library if self.config.document == "obb" else ""
+        return MAP.key({"documents": documents}, self.keys[-1:])
+
+    def _learn(self) -> BagOfWords:
         self.features.ensure(self.frames, "features of the map")
         stored: list[NDArray[np.int32]] = []
         for key in self.keys:
@@ -76,7 +94,7 @@ class BowMap:
             if arrays is None:
                 break
             stored.append(arrays["words"])
-        vocabulary = Vocabulary(**part(self.config, VocabularyConfig))
+        vocabulary = Vocabulary(Switches(**part(self.config, Switches)))
         descriptors = (self.features.load(frame).descriptors for frame in self.frames[: len(stored)])
         for _ in replay(vocabulary, zip(descriptors, stored, strict=True)):
             pass
@@ -85,12 +103,10 @@ class BowMap:
             words = vocabulary.learn(self.features.load(frame).descriptors)
             self.store.put(VOCABULARY, key, {"words": words})
             stored.append(words)
-        return vocabulary, [vocabulary.held(words) for words in stored]
+        return BagOfWords(vocabulary, self._index(vocabulary, [vocabulary.held(words) for words in stored]))
 
-    @cached_property
-    def index(self) -> InvertedFile | ObbDocuments:
-        """The inverted file of all map images, or of their OBBs."""
-        vocabulary, words = self._learned
+    def _index(self, vocabulary: Vocabulary, words: list[NDArray[np.int32]]) -> InvertedFile | ObbDocuments:
+        """Return the inverted file of all map images, or of their OBBs."""
         if self.config.document == "image":
             return InvertedFile(words, len(vocabulary))
         inside = []
@@ -101,22 +117,17 @@ class BowMap:
 
     def kept(self) -> float:
         """Return the bytes per map image of all that localisation needs: words, postings, and what is verified."""
-        documents = self.library if self.config.document == "obb" else ""
-        key = SIZE.key({"documents": documents}, self.keys[-1:])
-        kept = int(load(self.store, SIZE, key, self._size)["bytes"][0])
+        kept = self.bag.nbytes
         if self.config.verify_top:
             kept += sum(f.xy.nbytes + f.descriptors.nbytes for f in map(self.features.load, self.frames))
         return kept / len(self.frames)
-
-    def _size(self) -> Arrays:
-        return {"bytes": np.array([self._learned[0].nbytes + self.index.nbytes])}
 
     def words(self, frame: Frame) -> NDArray[np.int32]:
         """Return the word of every keypoint of a query, int32 [n], NO_WORD where the ratio test fails."""
         return load(self.store, WORDS, self._words_key(frame), partial(self._match, frame))["words"]
 
     def _match(self, frame: Frame) -> Arrays:
-        return {"words": self._learned[0].match(self.features.load(frame).descriptors)}
+        return {"words": self.bag.vocabulary.match(self.features.load(frame).descriptors)}
 
     def localize(self, queries: Sequence[Frame]) -> tuple[list[Key], list[Localization]]:
         """Localise every query by its OBBs.
@@ -133,19 +144,19 @@ class BowMap:
 
     def _localize_missing(self, missing: list[Frame], keys: dict[Frame, Key]) -> None:
         self.features.ensure(missing, "features of the queries")  # a damaged query is found before the map is learned
-        _ = self.index  # learned once here, before threads ask for it
+        _ = self.bag  # learned once here, before threads ask for it
         jobs = {self._words_key(frame): partial(self._match, frame) for frame in missing}
         ensure(self.store, WORDS, jobs, self.workers, "words of the queries")
         lists = {keys[frame]: partial(self._localize, frame) for frame in missing}
         ensure(self.store, LOCALIZATION, lists, self.workers, "localisation")
 
     def _words_key(self, frame: Frame) -> Key:
-        return WORDS.key(part(self.config, VocabularyConfig), [self.keys[-1], self.features.key(frame)])
+        return WORDS.key(part(self.config, Switches), [self.keys[-1], self.features.key(frame)])
 
     def _localize(self, frame: Frame) -> Arrays:
         boxes = library_boxes(self.library, read_image(frame.path))
         query = self.features.load(frame)
-        found = localize(self.index, boxes, query, self.words(frame), self.config, self._map_features)
+        found = localize(self.bag.index, boxes, query, self.words(frame), self.config, self._map_features)
         compact = np.uint16 if len(self.frames) < 1 << 16 else np.int32
         source = "+".join(found.boxes.source).encode()
         return {

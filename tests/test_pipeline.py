@@ -13,6 +13,7 @@ from safetensors.numpy import load_file
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.vocabulary import Vocabulary
 from fdslam.config import Ad, Bow, Campus, Config, Evaluation, Folder, Mask, Mix, Obb, Report
+from fdslam.config import Vocabulary as Switches
 from fdslam.errors import InputError
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
@@ -60,11 +61,12 @@ def campus(tmp_path_factory):
 def _bytes_of_the_map(config):
     """What words and postings weigh, built anew from the stored words of every map image."""
     posted = [load_file(path)["words"] for path in (Path(config.store) / "vocabulary").rglob("*.safetensors")]
-    vocabulary = Vocabulary(0.8)
+    vocabulary = Vocabulary(Switches())
     vocabulary.append(np.zeros((len(np.unique(np.concatenate(posted))), 32), np.uint8))
     for _ in posted[1:]:
         vocabulary.append(np.zeros((0, 32), np.uint8))
-    return vocabulary.nbytes + InvertedFile(posted, len(vocabulary)).nbytes
+    stored = InvertedFile.from_arrays(InvertedFile(posted, len(vocabulary)).arrays())  # without room for more
+    return vocabulary.nbytes + stored.nbytes
 
 
 def test_campus_end_to_end(campus):
@@ -131,7 +133,7 @@ def test_c_is_shared_and_changes_no_figure(campus, c):
 
 
 LISTS = {"localization", "fd"}
-WORDS = LISTS | {"vocabulary", "words", "map_size"}
+WORDS = LISTS | {"vocabulary", "words", "map"}
 
 
 @pytest.mark.parametrize(
@@ -139,7 +141,7 @@ WORDS = LISTS | {"vocabulary", "words", "map_size"}
     [
         ({"islands": "ibow"}, LISTS),
         ({"verify_top": 3, "verify_inliers": 12}, LISTS),
-        ({"document": "obb"}, LISTS | {"map_size"}),
+        ({"document": "obb"}, LISTS | {"map"}),
         ({"purge": True}, WORDS),
         ({"second": "other_place"}, WORDS),
     ],
@@ -165,7 +167,7 @@ def test_workers_and_a_damaged_store_change_nothing(campus, tmp_path):
     expected = table_csv(outcome, config)
     assert table(replace(config, store=str(tmp_path), workers=1)) == expected
     files = sorted(Path(tmp_path).rglob("*.safetensors"))
-    for path in files[::3]:
+    for path in {*files[::3], *(tmp_path / "map").rglob("*.safetensors")}:
         path.write_bytes(path.read_bytes()[:-7])
     for path in files[1::3]:
         path.unlink()

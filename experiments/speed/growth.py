@@ -21,9 +21,12 @@ from experiments.speed.localization import REAL, full_and_boxes, load_seconds
 from experiments.speed.stages import OBBS, cpu_seconds, random_descriptors, unit_seconds
 from experiments.speed.synthetic import Synthetic
 from experiments.speed.views import KEYPOINTS, features, places
+from fdslam import config
+from fdslam.bow.hamming import GROUP
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.lists import ranks_of
 from fdslam.bow.vocabulary import Vocabulary
+from fdslam.bow.words import Words
 from fdslam.localization import keypoints_inside
 from fdslam.progress import progress, single_threaded
 
@@ -38,7 +41,8 @@ class Grown:
     size: int
     words: int
     add: float  # one image, from descriptors to postings
-    upkeep: float  # per image: putting words in order and merging postings, spread over all images
+    upkeep: float  # per image: new pivots, putting words in order and merging postings, spread over all images
+    anew: float  # once: choosing pivots from all words and putting each into its list
     search: float  # words of a query
     scores: float  # of the full image and 64 OBBs
     ranks: float
@@ -57,14 +61,22 @@ def _once(work: Callable[[], object]) -> float:
     return time.thread_time() - begin
 
 
-def _upkeep(vocabulary: Vocabulary, index: InvertedFile) -> float:
-    """Return seconds per image: the pool is put in order whenever it has grown by a tenth, postings move log₂ M times.
+def _anew(words: Words, bits: np.ndarray) -> float:
+    """Return the seconds of choosing pivots from all words and putting each into its list."""
+    return _once(lambda: Words(len(bits), GROUP * words.depth).append(bits))
 
-    Both are done once now and counted as often as they were done on the way here.
+
+def _upkeep(vocabulary: Vocabulary, index: InvertedFile, anew: float) -> float:
+    """Return seconds per image of what is done now and then.
+
+    The pool is put in order whenever it has grown by a tenth, postings move log₂ M times, and pivots were chosen anew
+    from half, a quarter, … of the words that they were chosen from last. Each is done once now and counted as often as
+    it was done on the way here.
     """
     order = _once(vocabulary.words.arrays)  # puts the words in order
     merge = _once(index.remerged)
-    return (order / 0.1 + merge * math.log2(index.images)) / index.images
+    chosen = 2 * anew * vocabulary.words.chosen_from / len(vocabulary.words)
+    return (order / 0.1 + merge * math.log2(index.images) + chosen) / index.images
 
 
 def at_size(vocabulary: Vocabulary, index: InvertedFile, world: Synthetic) -> Grown:
@@ -72,6 +84,7 @@ def at_size(vocabulary: Vocabulary, index: InvertedFile, world: Synthetic) -> Gr
     boxes = full_and_boxes()
     bits = vocabulary.words.descriptors()
     views = [world.view(bits) for _ in range(ADDED + QUERIES)]
+    anew = _anew(vocabulary.words, bits)
     del bits
     search, scores, ranks = [], [], []
     for view in views[ADDED:]:
@@ -89,19 +102,19 @@ def at_size(vocabulary: Vocabulary, index: InvertedFile, world: Synthetic) -> Gr
         index.add([words], len(vocabulary))
 
     added = [_once(lambda d=view.descriptors: add(d)) for view in views[:ADDED]]
-    upkeep = _upkeep(vocabulary, index)
+    upkeep = _upkeep(vocabulary, index, anew)
     means = [float(np.mean(times)) for times in (search, scores, ranks)]
-    return Grown(size, count, float(np.mean(added)), upkeep, *means, kept, load_seconds(vocabulary, index))
+    return Grown(size, count, float(np.mean(added)), upkeep, anew, *means, kept, load_seconds(vocabulary, index))
 
 
 def grow(sizes: tuple[int, ...]) -> list[Grown]:
     """Grow one map and measure it at every size."""
-    learned = Vocabulary(0.8)
+    learned = Vocabulary(config.Vocabulary())
     base = places(REAL)
     for one in progress(features(base.map, range(REAL_IMAGES), 0), REAL_IMAGES, "words of real images"):
         learned.learn(one.descriptors)
     world = Synthetic(learned.words.descriptors(), KEYPOINTS, np.random.default_rng(0))
-    vocabulary, index, measured = Vocabulary(0.8), InvertedFile([], 0), []
+    vocabulary, index, measured = Vocabulary(config.Vocabulary()), InvertedFile([], 0), []
     for size in progress(sizes, len(sizes), "map sizes"):
         while index.images < size:
             new, images = world.block(min(BLOCK, size - index.images), len(vocabulary))
@@ -114,14 +127,14 @@ def grow(sizes: tuple[int, ...]) -> list[Grown]:
 def table(unit: float, rows: list[Grown]) -> str:
     """Return the measurements as Markdown."""
     lines = [
-        "| M | words | full + 64 lists | of it words | scores | ranks | add | upkeep | KB / image | MB | load |",
-        "|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+        "| M | words | full + 64 lists | of it words | scores | ranks | add | upkeep | KB / image | MB | load | anew |",
+        "|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for row in rows:
         times = (row.query, row.search, row.scores, row.ranks, row.add, row.upkeep)
         shown = " | ".join(f"{seconds / unit:.2f} U" for seconds in times)
         kept = f"{1000 * row.megabytes / row.size:.1f} | {row.megabytes:.0f}"
-        lines.append(f"| {row.size} | {row.words} | {shown} | {kept} | {row.load:.2f} s |")
+        lines.append(f"| {row.size} | {row.words} | {shown} | {kept} | {row.load:.2f} s | {row.anew:.1f} s |")
     return "\n".join(lines)
 
 

@@ -19,7 +19,9 @@ import numpy as np
 from experiments.speed import verification
 from experiments.speed.stages import OBBS, cpu_seconds, random_boxes, random_descriptors, unit_seconds
 from experiments.speed.views import HEIGHT, KEYPOINTS, WIDTH, features, places
-from fdslam.bow import hamming, mapfile
+from fdslam import config
+from fdslam.bow import hamming
+from fdslam.bow.bag import BagOfWords
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.lists import ranks_of
 from fdslam.bow.vocabulary import Vocabulary
@@ -68,11 +70,9 @@ def load_seconds(vocabulary: Vocabulary, index: InvertedFile) -> float:
     """Return the wall time from a saved map to one that answers."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "map"
-        mapfile.save(path, vocabulary.arrays() | index.arrays(), 1, {})
+        BagOfWords(vocabulary, index).save(path)
         begin = time.perf_counter()
-        arrays, _ = mapfile.load(path, 1)
-        Vocabulary.from_arrays(arrays, 0.8)
-        InvertedFile.from_arrays(arrays)
+        BagOfWords.load(path)
         return time.perf_counter() - begin
 
 
@@ -110,7 +110,7 @@ def grow(sizes: tuple[int, ...]) -> tuple[str, list[Measured], verification.Veri
     step = max(len(base.query) // QUERIES, 1)
     found = (next(features(base.query, range(i, i + 1), 1)) for i in range(0, len(base.query), step))
     queries = [q for q in found if len(q.xy) == KEYPOINTS][:QUERIES]
-    vocabulary, index, times, measured = Vocabulary(0.8), InvertedFile([], 0), [], []
+    vocabulary, index, times, measured = Vocabulary(config.Vocabulary()), InvertedFile([], 0), [], []
     images: list[Features] = []
     for one in progress(features(base.map, range(sizes[-1]), 0), sizes[-1], "map images"):
         begin = time.thread_time()

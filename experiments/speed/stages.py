@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import torch
 
+from fdslam import config
 from fdslam.autoencoder import fit_place, input_size
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.lists import ranks_of
@@ -65,7 +66,7 @@ def bag_of_words(unit: float, descriptors: np.ndarray) -> list[Row]:
     """Measure words, lists and FD."""
     rng = np.random.default_rng(0)
     rows: list[Row] = []
-    vocabulary = Vocabulary(0.8, exact_below=1 << 30)
+    vocabulary = Vocabulary(config.Vocabulary(exact_below=1 << 30))
     vocabulary.append(rng.integers(0, 256, (100_000, 32), dtype=np.uint8))
     rows.append(
         ("words of a query, 100,000 words, exact", cpu_seconds(lambda: vocabulary.match(descriptors)), "U", unit)

@@ -6,7 +6,7 @@ of its best OBB.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +60,15 @@ class ObbDocuments:
         documents = [found[box] for found, boxes in zip(words, inside, strict=True) for box in boxes if box.any()]
         owner = np.repeat(np.arange(len(words), dtype=np.int32), [int(boxes.any(axis=1).sum()) for boxes in inside])
         return cls(InvertedFile(documents, vocabulary_size), owner, len(words))
+
+    def arrays(self) -> dict[str, NDArray]:
+        """Return everything that is kept, for storage; ``from_arrays`` takes it back."""
+        return self.index.arrays() | {"owner": self.owner, "owners": np.array([self.images])}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray]) -> ObbDocuments:
+        """Return an index from what ``arrays`` gave; the large ones may be mapped and are not copied."""
+        return cls(InvertedFile.from_arrays(arrays), arrays["owner"], int(arrays["owners"][0]))
 
     def scores(self, words: NDArray[np.int32], inside: NDArray[np.bool_], score: str) -> NDArray[np.int64]:
         """Return the scores of the images, int64 [J, M], as ``InvertedFile.scores`` does where images are posted."""

@@ -209,7 +209,7 @@ class InvertedFile:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray]) -> InvertedFile:
-        """Return an index from what ``arrays`` gave; the large ones may be mapped read-only and are not copied."""
+        """Return an index from what ``arrays`` gave; the large ones may be mapped and are not copied."""
         index = cls([], 0)
         index._segments = [Segment(*(arrays[name] for name in ("word", "begin", "image", "count")))]
         index._holding = np.array(arrays["holding"])

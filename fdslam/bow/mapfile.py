@@ -68,7 +68,7 @@ def load(path: Path, version: int, verify: bool = True) -> tuple[dict[str, NDArr
         verify: compare the checksum, which reads the file once.
 
     Returns:
-        the arrays, read-only and mapped, and the settings.
+        the arrays, mapped, and the settings. What is written to an array stays in memory.
 
     Raises:
         InputError: no such file, not a map, another version, or damaged.
@@ -81,7 +81,7 @@ def load(path: Path, version: int, verify: bool = True) -> tuple[dict[str, NDArr
             about = header.pop("__metadata__")
             found, wanted = int(about["version"]), about["sha256"]
         start = 8 + length
-        data = np.memmap(path, np.uint8, "r", offset=start) if path.stat().st_size > start else np.zeros(0, np.uint8)
+        data = np.memmap(path, np.uint8, "c", offset=start) if path.stat().st_size > start else np.zeros(0, np.uint8)
         if found != version:
             raise InputError(f"{path}: a map of version {found}, this program reads version {version}; {again}")
         arrays = {}

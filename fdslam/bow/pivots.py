@@ -2,7 +2,7 @@
 
 Pivots are drawn from the words with a fixed seed and moved twice to the majority of the bits around them. They lie
 around hubs, chosen from the pivots in the same way; a query is compared with all hubs and then with the pivots of the
-nearest 32. There is one pivot for every 128 words and a number of hubs that grows with the root of that, so that the
+nearest 32. There is one pivot for every 256 words and a number of hubs that grows with the root of that, so that the
 cost of finding pivots grows slowly. What is found depends on the query and the pivots alone: equal queries find the
 same.
 """
@@ -22,7 +22,7 @@ from fdslam.bow.native import NATIVE
 if NATIVE:
     from fdslam.bow.kernels import count_ones, nearest_pivots_kernel
 
-WORDS_PER_PIVOT = 192
+WORDS_PER_PIVOT = 256
 SAMPLE = 32  # words per pivot that are looked at when pivots are moved
 ROUNDS = 2  # of moving: more gain nothing
 HUB_DEPTH = 4  # hubs visited, for each of the eight places of a group; kernels.py has it too
@@ -57,7 +57,7 @@ class Pivots:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray]) -> Pivots:
-        """Return pivots from what ``arrays`` gave; they may be mapped read-only and are not copied."""
+        """Return pivots from what ``arrays`` gave; they may be mapped and are not copied."""
         return cls(**{name: array for name, array in arrays.items() if name != "words"}, words=int(arrays["words"][0]))
 
     @classmethod

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam import config
 from fdslam.bow import hamming
 from fdslam.bow.hamming import NONE, Keys, distance_of, id_of
 from fdslam.bow.words import Words
@@ -43,25 +44,10 @@ class _Young:
 class Vocabulary:
     """The words so far, and the ratio test of the two nearest."""
 
-    def __init__(
-        self,
-        ratio: float,
-        exact_below: int = 100_000,
-        probes: int = 32,
-        second: str = "nearest",
-        purge: bool = False,
-    ) -> None:
-        """Start empty.
-
-        Args:
-            ratio: a word is accepted if d1 ≤ ratio · d2.
-            exact_below: that of ``Words``.
-            probes: that of ``Words``.
-            second: d2 is that of the second "nearest" word, or of the nearest from an "other_place".
-            purge: whether words that are not soon seen again are dropped.
-        """
-        self.ratio, self.second, self.purge = ratio, second, purge
-        self.words = Words(exact_below, probes)
+    def __init__(self, switches: config.Vocabulary) -> None:
+        """Start empty."""
+        self.switches = switches
+        self.words = Words(switches.exact_below, switches.probes)
         self._ends: list[int] = []  # after each map image, how many ids were given
         self._young: list[_Young] = []
         self._names = np.zeros(0, np.int32)  # with purge: the id of each of ``words``, rising; there are gaps
@@ -89,10 +75,10 @@ class Vocabulary:
         keys, lists = self._search(descriptors)
         word = id_of(keys)
         rival = keys[:, 1]
-        if self.second == "other_place":
+        if self.switches.second == "other_place":
             elsewhere = self._search(descriptors, self._place_of(word[:, 0]))[0][:, 0]
             rival = np.where(elsewhere == NONE, rival, elsewhere)
-        accepted = (id_of(rival) >= 0) & (distance_of(keys[:, 0]) <= self.ratio * distance_of(rival))
+        accepted = (id_of(rival) >= 0) & (distance_of(keys[:, 0]) <= self.switches.ratio * distance_of(rival))
         return np.where(accepted, word[:, 0], NO_WORD).astype(np.int32), lists
 
     def _place_of(self, word: NDArray[np.int64]) -> NDArray[np.int32]:
@@ -106,7 +92,7 @@ class Vocabulary:
         self, descriptors: NDArray[np.uint8], leave: NDArray[np.int32] | None = None
     ) -> tuple[Keys, NDArray[np.int64]]:
         """Search the words and those that may still be dropped; ids as they were given."""
-        if not self.purge:
+        if not self.switches.purge:
             return self.words.search(descriptors, leave)
         place = None if leave is None else np.searchsorted(self._names, leave).astype(np.int32)
         keys, lists = self.words.search(descriptors, place)
@@ -144,7 +130,7 @@ class Vocabulary:
         first = new[np.unique(words[new], return_index=True)[1]]
         begin = len(self)
         self._ends.append(begin + len(first))
-        if not self.purge:
+        if not self.switches.purge:
             self.words.append(descriptors[first], None if lists is None else lists[first])
             return
         self._young.append(_Young(descriptors[first], begin, np.zeros(len(first), np.int64)))
@@ -159,7 +145,7 @@ class Vocabulary:
 
     def held(self, words: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return the words of a map image (int32 [n]) with NO_WORD for those that were dropped since."""
-        if not self.purge:
+        if not self.switches.purge:
             return words
         names = np.concatenate([self._names, *(one.names for one in self._young), [NO_WORD]])  # rising but for the end
         return np.where(names[np.searchsorted(names[:-1], words)] == words, words, NO_WORD).astype(np.int32)
@@ -172,20 +158,12 @@ class Vocabulary:
         return kept
 
     @classmethod
-    def from_arrays(
-        cls,
-        arrays: Mapping[str, NDArray],
-        ratio: float,
-        exact_below: int = 100_000,
-        probes: int = 32,
-        second: str = "nearest",
-        purge: bool = False,
-    ) -> Vocabulary:
+    def from_arrays(cls, arrays: Mapping[str, NDArray], switches: config.Vocabulary) -> Vocabulary:
         """Return a vocabulary from what ``arrays`` gave, under the same switches as it was learned with."""
-        vocabulary = cls(ratio, exact_below, probes, second, purge)
-        vocabulary.words = Words.from_arrays(arrays, exact_below, probes)
+        vocabulary = cls(switches)
+        vocabulary.words = Words.from_arrays(arrays, switches.exact_below, switches.probes)
         vocabulary._names, vocabulary._ends = np.array(arrays["names"]), arrays["ends"].tolist()
-        begins = [0, *vocabulary._ends][:-1][-WAIT:] if purge else []  # of the ids of the last images
+        begins = [0, *vocabulary._ends][:-1][-WAIT:] if switches.purge else []  # of the ids of the last images
         cuts = [begin - begins[0] for begin in begins[1:]]
         recent = zip(np.split(arrays["young"], cuts), np.split(arrays["young_seen"], cuts), strict=True)
         for begin, (descriptors, seen) in zip(begins, recent, strict=False):

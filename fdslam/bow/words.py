@@ -117,6 +117,11 @@ class Words:
         return self._count
 
     @property
+    def chosen_from(self) -> int:
+        """How many words the pivots were chosen from; 0 while the search is exact."""
+        return self._pivots.words if self._pivots else 0
+
+    @property
     def nbytes(self) -> int:
         """Bytes of the words, their ids and the lists in use."""
         pivots = self._pivots.nbytes if self._pivots else 0
@@ -146,7 +151,7 @@ class Words:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray], exact_below: int, probes: int) -> Words:
-        """Return words from what ``arrays`` gave; the large ones may be mapped read-only and are not copied."""
+        """Return words from what ``arrays`` gave; the large ones may be mapped privately and are not copied."""
         words = cls(exact_below, probes)
         words._groups, words._ids, words._following = arrays["groups"], arrays["ids"], arrays["following"]
         words._first, words._last, words._fill = (np.array(arrays[name]) for name in ("first", "last", "fill"))
@@ -194,9 +199,6 @@ class Words:
 
     def _put(self, words: NDArray[np.uint8], lists: NDArray[np.int64]) -> None:
         self._reserve(self._used + self._new_blocks(lists))
-        if not self._groups.flags.writeable:  # mapped from a file, and there was room left in its blocks
-            self._groups, self._ids = self._groups.copy(), self._ids.copy()
-            self._following = self._following.copy()
         names = np.arange(self._count, self._count + len(words), dtype=np.int32)
         chains = (self._first, self._last, self._fill)
         self._used = _append(

