@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.documents import ObbDocuments
-from fdslam.bow.index import InvertedFile
 from fdslam.bow.islands import islands
 from fdslam.bow.lists import ranks_of
 from fdslam.bow.verification import verified
@@ -19,6 +18,14 @@ from fdslam.types import Boxes, Features, Localization
 
 # Fixed-point 1.0 of 1 / rank: sums of reciprocals are integers, so the order of the OBBs cannot change them.
 RECIPROCAL_ONE = 1 << 40
+
+
+class Scores(Protocol):
+    """A map, or its index alone."""
+
+    def scores(self, words: NDArray[np.int32], inside: NDArray[np.bool_], score: str) -> NDArray[np.int64]:
+        """Return s_j(m) of every OBB j of a query (bool [J, n]) and map image m, int64 [J, M]."""
+        ...
 
 
 def reciprocal(ranks: NDArray[np.int32]) -> NDArray[np.int64]:
@@ -56,8 +63,10 @@ def strong_list(ranks: NDArray[np.int32]) -> NDArray[np.int32]:
     falling = relevance[order]
     ends = np.flatnonzero(np.append(falling[:-1] - falling[1:] > len(ranks), True)) + 1
     begins = np.concatenate([[0], ends[:-1]])
+    # Most images of a large map are retrieved by no list and have the same ranks: there is nothing to compare.
+    nowhere = (ranks == ranks.max(axis=1, initial=0)[:, None]).all(axis=0)
     for begin, end in zip(begins, ends, strict=True):
-        if end - begin > 1 and falling[begin] > 0:
+        if end - begin > 1 and falling[begin] > 0 and not nowhere[order[begin:end]].all():
             order[begin:end] = _exact_order(ranks, order[begin:end])
     return order.astype(np.int32)
 
@@ -75,7 +84,7 @@ def _exact_order(ranks: NDArray[np.int32], images: NDArray[np.int64]) -> NDArray
 
 
 def localize(
-    index: InvertedFile | ObbDocuments,
+    index: Scores,
     boxes: Boxes,
     query: Features,
     words: NDArray[np.int32],

@@ -127,7 +127,7 @@ class BowMap:
         return load(self.store, WORDS, self._words_key(frame), partial(self._match, frame))["words"]
 
     def _match(self, frame: Frame) -> Arrays:
-        return {"words": self.bag.vocabulary.match(self.features.load(frame).descriptors)}
+        return {"words": self.bag.match(self.features.load(frame).descriptors)}
 
     def localize(self, queries: Sequence[Frame]) -> tuple[list[Key], list[Localization]]:
         """Localise every query by its OBBs.
@@ -156,7 +156,7 @@ class BowMap:
     def _localize(self, frame: Frame) -> Arrays:
         boxes = library_boxes(self.library, read_image(frame.path))
         query = self.features.load(frame)
-        found = localize(self.bag.index, boxes, query, self.words(frame), self.config, self._map_features)
+        found = localize(self.bag, boxes, query, self.words(frame), self.config, self._map_features)
         compact = np.uint16 if len(self.frames) < 1 << 16 else np.int32
         source = "+".join(found.boxes.source).encode()
         return {

@@ -22,6 +22,7 @@ from experiments.speed.stages import OBBS, cpu_seconds, random_descriptors, unit
 from experiments.speed.synthetic import Synthetic
 from experiments.speed.views import KEYPOINTS, features, places
 from fdslam import config
+from fdslam.bow.bag import BagOfWords
 from fdslam.bow.hamming import GROUP
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.lists import ranks_of
@@ -104,7 +105,16 @@ def at_size(vocabulary: Vocabulary, index: InvertedFile, world: Synthetic) -> Gr
     added = [_once(lambda d=view.descriptors: add(d)) for view in views[:ADDED]]
     upkeep = _upkeep(vocabulary, index, anew)
     means = [float(np.mean(times)) for times in (search, scores, ranks)]
-    return Grown(size, count, float(np.mean(added)), upkeep, anew, *means, kept, load_seconds(vocabulary, index))
+    return Grown(
+        size,
+        count,
+        float(np.mean(added)),
+        upkeep,
+        anew,
+        *means,
+        kept,
+        load_seconds(BagOfWords(vocabulary, index), views[-1]),
+    )
 
 
 def grow(sizes: tuple[int, ...]) -> list[Grown]:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.speed import verification
+from experiments.speed import kernels, verification
 from experiments.speed.stages import OBBS, cpu_seconds, random_boxes, random_descriptors, unit_seconds
 from experiments.speed.views import HEIGHT, KEYPOINTS, WIDTH, features, places
 from fdslam import config
@@ -26,13 +26,13 @@ from fdslam.bow.index import InvertedFile
 from fdslam.bow.lists import ranks_of
 from fdslam.bow.vocabulary import Vocabulary
 from fdslam.bow.words import Words
-from fdslam.localization import keypoints_inside
+from fdslam.localization import keypoints_inside, strong_list
 from fdslam.progress import progress, single_threaded
 from fdslam.types import Features
 
 REAL = Path(__file__).parents[3] / "shared" / "data"
 SIZES, SMALL = (250, 500, 1000, 2000, 3000), (50, 100, 200)
-QUERIES, EXACT_QUERIES, VERIFIED, ADDED = 12, 6, 3, 25
+QUERIES, EXACT_QUERIES, VERIFIED = 12, 6, 3
 # What the C++ costs (iBoW-LCD), measured once elsewhere in the same unit: full image + 64 lists, adding an image.
 CPP = {250: (147, 10), 500: (173, 12), 1000: (233, 15), 2000: (273, 19), 3000: (232, 21)}
 
@@ -45,16 +45,18 @@ class Measured:
     words: int
     lists: float  # full image + 64 OBBs, from descriptors to complete ranks
     search: float  # of it, the search of words
-    add: float  # one image, from descriptors to postings
+    strong: float  # beside it: the strong list of those ranks
+    add: float  # one image, from descriptors to postings: mean over the map's last doubling, with all upkeep
+    slowest: float  # of those
     bytes_per_image: float
     recall: float  # word recall@1 against exact search
     load: float = field(default=0.0)  # wall time of loading the map, checksum included
 
 
-def localize(vocabulary: Vocabulary, index: InvertedFile, query: Features, boxes: np.ndarray) -> np.ndarray:
+def localize(bag: BagOfWords, query: Features, boxes: np.ndarray) -> np.ndarray:
     """Return the ranks of all map images in the list of every box, int32 [J, M], from descriptors and positions."""
-    words = vocabulary.match(query.descriptors)
-    return ranks_of(index.scores(words, keypoints_inside(boxes, query.xy), "ibow"), "last")
+    words = bag.match(query.descriptors)
+    return ranks_of(bag.scores(words, keypoints_inside(boxes, query.xy), "ibow"), "last")
 
 
 def word_recall(words: Words, queries: list[Features]) -> float:
@@ -66,13 +68,13 @@ def word_recall(words: Words, queries: list[Features]) -> float:
     return float(np.concatenate(hits).mean())
 
 
-def load_seconds(vocabulary: Vocabulary, index: InvertedFile) -> float:
-    """Return the wall time from a saved map to one that answers."""
+def load_seconds(bag: BagOfWords, query: Features) -> float:
+    """Return the wall time from a saved map to its first answer; the file lies in the system's cache."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "map"
-        BagOfWords(vocabulary, index).save(path)
+        bag.save(path)
         begin = time.perf_counter()
-        BagOfWords.load(path)
+        localize(BagOfWords.load(path), query, full_and_boxes()[:1])
         return time.perf_counter() - begin
 
 
@@ -81,63 +83,71 @@ def full_and_boxes() -> np.ndarray:
     return np.concatenate([[[0, 0, WIDTH, HEIGHT]], random_boxes(np.random.default_rng(0))]).astype(np.float32)
 
 
-def at_size(vocabulary: Vocabulary, index: InvertedFile, add: float, queries: list[Features]) -> Measured:
-    """Measure the map as it is now."""
+def at_size(bag: BagOfWords, times: list[float], queries: list[Features]) -> Measured:
+    """Measure the map as it is now; ``times`` are the seconds of adding each of its images."""
     boxes = full_and_boxes()
-    lists = np.mean([cpu_seconds(lambda q=q: localize(vocabulary, index, q, boxes)) for q in queries])
-    search = np.mean([cpu_seconds(lambda q=q: vocabulary.match(q.descriptors)) for q in queries])
-    kept = (vocabulary.nbytes + index.nbytes) / index.images
-    recall = word_recall(vocabulary.words, queries[:EXACT_QUERIES])
-    loading = load_seconds(vocabulary, index)
-    return Measured(index.images, len(vocabulary), float(lists), float(search), add, kept, recall, loading)
+    ranks = [localize(bag, q, boxes) for q in queries]
+    lists = np.mean([cpu_seconds(lambda q=q: localize(bag, q, boxes)) for q in queries])
+    search = np.mean([cpu_seconds(lambda q=q: bag.match(q.descriptors)) for q in queries])
+    strong = np.mean([cpu_seconds(lambda r=r: strong_list(r)) for r in ranks])
+    last = times[len(times) // 2 :]
+    return Measured(
+        size=len(times),
+        words=len(bag.vocabulary),
+        lists=float(lists),
+        search=float(search),
+        strong=float(strong),
+        add=float(np.mean(last)),
+        slowest=max(last),
+        bytes_per_image=bag.nbytes / len(times),
+        recall=word_recall(bag.vocabulary.words, queries[:EXACT_QUERIES]),
+        load=load_seconds(bag, queries[0]),
+    )
 
 
-def verify(
-    vocabulary: Vocabulary, index: InvertedFile, queries: list[Features], images: list[Features]
-) -> verification.Verification:
+def verify(bag: BagOfWords, queries: list[Features], images: list[Features]) -> verification.Verification:
     """Measure geometric verification in the map as it is now."""
     measured = []
     for query in progress(queries, len(queries), "verification"):
         inside = keypoints_inside(full_and_boxes(), query.xy)
-        scores = index.scores(vocabulary.match(query.descriptors), inside, "ibow")
-        measured.append(verification.measure(query, scores, images))
+        measured.append(verification.measure(query, bag.scores(bag.match(query.descriptors), inside, "ibow"), images))
     return verification.mean(measured)
 
 
 def grow(sizes: tuple[int, ...]) -> tuple[str, list[Measured], verification.Verification]:
-    """Build the map image by image and measure it at every size; verification at the second."""
+    """Build the map image by image and measure it at every size; verification at the last."""
     base = places(REAL)
     step = max(len(base.query) // QUERIES, 1)
     found = (next(features(base.query, range(i, i + 1), 1)) for i in range(0, len(base.query), step))
     queries = [q for q in found if len(q.xy) == KEYPOINTS][:QUERIES]
-    vocabulary, index, times, measured = Vocabulary(config.Vocabulary()), InvertedFile([], 0), [], []
+    bag = BagOfWords(Vocabulary(config.Vocabulary()), InvertedFile([], 0))
+    times: list[float] = []
+    measured: list[Measured] = []
     images: list[Features] = []
     for one in progress(features(base.map, range(sizes[-1]), 0), sizes[-1], "map images"):
         begin = time.thread_time()
-        words = vocabulary.learn(one.descriptors)
-        index.add([words], len(vocabulary))
+        bag.add(one.descriptors)
         times.append(time.thread_time() - begin)
-        if index.images <= sizes[1]:
-            images.append(one)
-        if index.images == sizes[1]:
-            checked = verify(vocabulary, index, queries[:VERIFIED], images)
-        if index.images in sizes:
-            measured.append(at_size(vocabulary, index, float(np.mean(times[-ADDED:])), queries))
-    return base.name, measured, checked
+        images.append(one)
+        if len(times) in sizes:
+            measured.append(at_size(bag, times, queries))
+    return base.name, measured, verify(bag, queries[:VERIFIED], images)
 
 
 def table(unit: float, rows: list[Measured]) -> str:
     """Return the measurements as Markdown."""
     lines = [
-        "| M | words | full + 64 lists | of it word search | C++ | add | C++ | KB / image | word recall@1 | load |",
-        "|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+        "| M | words | full + 64 lists | of it word search | C++ | strong list | add | slowest | C++ | KB / image "
+        "| word recall@1 | load |",
+        "|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for row in rows:
         cpp = CPP.get(row.size, ("", ""))
+        times = (row.lists, row.search, row.strong, row.add)
+        lists, search, strong, add = (f"{seconds / unit:.2f} U" for seconds in times)
         lines.append(
-            f"| {row.size} | {row.words} | {row.lists / unit:.2f} U | {row.search / unit:.2f} U | {cpp[0]} | "
-            f"{row.add / unit:.2f} U | {cpp[1]} | {row.bytes_per_image / 1000:.1f} | {row.recall:.3f} | "
-            f"{row.load:.2f} s |"
+            f"| {row.size} | {row.words} | {lists} | {search} | {cpp[0]} | {strong} | {add} | {row.slowest:.1f} s "
+            f"| {cpp[1]} | {row.bytes_per_image / 1000:.1f} | {row.recall:.3f} | {row.load:.2f} s |"
         )
     return "\n".join(lines)
 
@@ -153,6 +163,9 @@ def figures(unit: float, rows: list[Measured], checked: verification.Verificatio
         "bytes_per_image": last.bytes_per_image,
         "word_recall_at_1": last.recall,
         "verify_speedup": checked.one_by_one / checked.together,
+        "verify_speedup_own_lists": checked.own_one_by_one / checked.own,
+        "add_slowest_s": last.slowest,
+        "strong_list_U": last.strong / unit,
         "load_s": last.load,
         "map_sizes": [row.size for row in rows],
     }
@@ -172,6 +185,8 @@ def main() -> None:
     print(f"U = {1000 * unit:.1f} ms; {name} of {WIDTH} × {HEIGHT}, {KEYPOINTS} keypoints, {OBBS} OBBs\n")
     print(table(unit, rows))
     print(f"\n{verification.table(unit, checked)}")
+    compiled, loaded = kernels.seconds()
+    print(f"\ncompiled kernels: {compiled:.1f} s in the first process that uses them, {loaded:.2f} s in the next")
     if arguments.json:
         arguments.json.write_text(json.dumps(figures(unit, rows, checked), indent=1) + "\n", encoding="utf-8")
 

@@ -7,12 +7,11 @@ of its best OBB.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.index import InvertedFile
+from fdslam.bow.index import InvertedFile, without
 
 
 def best_of(scores: NDArray[np.int64], owner: NDArray[np.int32], images: int) -> NDArray[np.int64]:
@@ -33,13 +32,12 @@ def best_of(scores: NDArray[np.int64], owner: NDArray[np.int32], images: int) ->
     return best
 
 
-@dataclass(frozen=True)
 class ObbDocuments:
     """An index of the OBBs of map images that answers for the images."""
 
-    index: InvertedFile  # of the OBBs
-    owner: NDArray[np.int32]  # [D] the image of each, rising
-    images: int  # M
+    def __init__(self, index: InvertedFile, owner: NDArray[np.int32], images: int) -> None:
+        """Take an index of D documents, the image of each (int32 [D], rising) and the number of images M."""
+        self.index, self.owner, self.images = index, owner, images
 
     @property
     def nbytes(self) -> int:
@@ -50,16 +48,36 @@ class ObbDocuments:
     def post(
         cls, words: Sequence[NDArray[np.int32]], inside: Sequence[NDArray[np.bool_]], vocabulary_size: int
     ) -> ObbDocuments:
-        """Post the OBBs of all map images; those without a keypoint are left out.
+        """Return an index of all map images; the arguments are those of ``add``."""
+        documents = cls(InvertedFile([], 0), np.zeros(0, np.int32), 0)
+        documents.add(words, inside, vocabulary_size)
+        return documents
+
+    def add(
+        self, words: Sequence[NDArray[np.int32]], inside: Sequence[NDArray[np.bool_]], vocabulary_size: int
+    ) -> None:
+        """Post the OBBs of images after those there; OBBs without a keypoint are left out.
 
         Args:
-            words: for each of the M images int32 [n], the words of its keypoints.
+            words: for each image int32 [n], the words of its keypoints.
             inside: for each image bool [B, n], which of its OBBs holds which keypoint.
             vocabulary_size: number of words.
         """
         documents = [found[box] for found, boxes in zip(words, inside, strict=True) for box in boxes if box.any()]
-        owner = np.repeat(np.arange(len(words), dtype=np.int32), [int(boxes.any(axis=1).sum()) for boxes in inside])
-        return cls(InvertedFile(documents, vocabulary_size), owner, len(words))
+        ids = np.arange(self.images, self.images + len(words), dtype=np.int32)
+        owner = np.repeat(ids, [int(boxes.any(axis=1).sum()) for boxes in inside])
+        self.index.add(documents, vocabulary_size)
+        self.owner, self.images = np.concatenate([self.owner, owner]), self.images + len(words)
+
+    def remove(self, images: NDArray[np.integer]) -> None:
+        """Forget these map ids; the rest move up.
+
+        Raises:
+            IndexError: there is no such image.
+        """
+        kept, names = without(self.images, images)
+        self.index.remove(np.flatnonzero(~kept[self.owner]))
+        self.owner, self.images = names[self.owner[kept[self.owner]]], int(kept.sum())
 
     def arrays(self) -> dict[str, NDArray]:
         """Return everything that is kept, for storage; ``from_arrays`` takes it back."""

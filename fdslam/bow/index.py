@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from fdslam.bow.vocabulary import NO_WORD
+from fdslam.errors import InputError
 
-IDF_ONE = 1 << 16  # fixed-point 1.0 of idf: with 1500 keypoints an int64 score has room for maps of any size
+IDF_ONE = 1 << 16  # fixed-point 1.0 of idf
+MOST = 20_000  # keypoints of an image: n² · c · idf then fits an int64 for maps of up to a million images
 Query = tuple[NDArray[np.int32], NDArray[np.bool_]]  # [n] words of the keypoints; [J, n] which of them an OBB holds
 
 
@@ -80,6 +82,20 @@ def merged(parts: Sequence[Segment]) -> Segment:
     return segment(word[order], image, np.concatenate([part.count for part in parts])[order])
 
 
+def without(count: int, gone: NDArray[np.integer]) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+    """Return which of ``count`` ids are kept when some go, bool [count], and the new id of each that is, int32 [count].
+
+    Raises:
+        IndexError: an id is not below ``count``, or negative.
+    """
+    ids = np.asarray(gone, np.int64)
+    if ids.size and not 0 <= ids.min() <= ids.max() < count:
+        raise IndexError(f"map ids {ids.min()} to {ids.max()}: there are {count}")
+    kept = np.ones(count, bool)
+    kept[ids] = False
+    return kept, (np.cumsum(kept) - 1).astype(np.int32)
+
+
 class InvertedFile:
     """Which map image holds which word how often."""
 
@@ -90,7 +106,7 @@ class InvertedFile:
             words: for each of the M map images, in order, int32 [n] word ids (NO_WORD: not posted).
             vocabulary_size: number of words.
         """
-        self.images = 0  # M of idf: that of the whole map, also in a part of it
+        self.images = self._size = 0  # M of idf: that of the whole map, also in a part of it of fewer images
         self.vocabulary_size = 0
         self._segments: list[Segment] = []
         self._holding = np.zeros(0, np.int32)  # M_w
@@ -102,7 +118,14 @@ class InvertedFile:
         return self._holding.nbytes + sum(part.nbytes for part in self._segments)
 
     def add(self, words: Sequence[NDArray[np.int32]], vocabulary_size: int) -> None:
-        """Append images after those there; the result is that of an index built at once."""
+        """Append images after those there; the result is that of an index built at once.
+
+        Raises:
+            InputError: an image has more than MOST keypoints.
+            ValueError: this is a part of a map.
+        """
+        self._check_whole()
+        _check_sizes(words)
         self.vocabulary_size = max(self.vocabulary_size, vocabulary_size)
         if vocabulary_size > len(self._holding):  # an eighth more than asked, so that the copies cost little
             more = vocabulary_size + vocabulary_size // 8 - len(self._holding)
@@ -115,6 +138,10 @@ class InvertedFile:
         self.images += len(words)
         self._size = self.images
 
+    def _check_whole(self) -> None:
+        if self._size != self.images:
+            raise ValueError("a part of a map does not change: change the whole and split it again")
+
     def _push(self, new: Segment) -> None:
         self._holding[new.word] += np.diff(new.begin).astype(np.int32)
         while self._segments and len(self._segments[-1].image) <= len(new.image):
@@ -122,10 +149,14 @@ class InvertedFile:
         self._segments.append(new)
 
     def remove(self, images: NDArray[np.integer]) -> None:
-        """Forget these map ids; the rest move up, and the result is that of an index built from them alone."""
-        kept = np.ones(self.images, bool)
-        kept[images] = False
-        names = (np.cumsum(kept) - 1).astype(np.int32)
+        """Forget these map ids; the rest move up, and the result is that of an index built from them alone.
+
+        Raises:
+            IndexError: there is no such image.
+            ValueError: this is a part of a map.
+        """
+        self._check_whole()
+        kept, names = without(self.images, images)
         old, self._segments = self._segments, []
         self._holding[:] = 0
         for part in old:
@@ -142,7 +173,7 @@ class InvertedFile:
             chosen = (begin <= ids) & (ids < end)
             part._segments = [one.of(chosen, (ids - begin).astype(np.int32)) for one in self._segments]
             part.vocabulary_size = self.vocabulary_size
-            part.images, part._holding, part._size = self.images, self._holding, end - begin
+            part.images, part._holding, part._size = self.images, self._holding.copy(), end - begin
             result.append(part)
         return tuple(result)
 
@@ -160,7 +191,13 @@ class InvertedFile:
 
         Returns:
             int64 [ΣJ, M]: the lists of the first query, then those of the second, …
+
+        Raises:
+            InputError: a query has more than MOST keypoints.
         """
+        if not queries:
+            return np.zeros((0, self._size), np.int64)
+        _check_sizes([words for words, _ in queries])
         known = [words != NO_WORD for words, _ in queries]
         found = np.concatenate([np.zeros(0, np.int32), *(w[k] for (w, _), k in zip(queries, known, strict=True))])
         distinct, column = np.unique(found, return_inverse=True)
@@ -198,7 +235,7 @@ class InvertedFile:
         whole = self.remerged()
         return {"word": whole.word, "begin": whole.begin, "image": whole.image, "count": whole.count} | {
             "holding": self._holding[: self.vocabulary_size],
-            "images": np.array([self.images]),
+            "images": np.array([self.images, self._size]),
         }
 
     def remerged(self) -> Segment:
@@ -214,8 +251,14 @@ class InvertedFile:
         index._segments = [Segment(*(arrays[name] for name in ("word", "begin", "image", "count")))]
         index._holding = np.array(arrays["holding"])
         index.vocabulary_size = len(index._holding)
-        index.images = index._size = int(arrays["images"][0])
+        index.images, index._size = arrays["images"].tolist()
         return index
+
+
+def _check_sizes(words: Sequence[NDArray[np.int32]]) -> None:
+    most = max(map(len, words), default=0)
+    if most > MOST:
+        raise InputError(f"an image with {most} keypoints: scores hold at most {MOST}; extract fewer (bow.features)")
 
 
 def _counts(inside: NDArray[np.bool_], column: NDArray[np.int64], words: int) -> sparse.csr_array:

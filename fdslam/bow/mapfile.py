@@ -59,13 +59,12 @@ def _canonical(header: Mapping[str, Any], about: Mapping[str, str]) -> bytes:
     return json.dumps([dict(header), about["version"], about["settings"]], sort_keys=True).encode()
 
 
-def load(path: Path, version: int, verify: bool = True) -> tuple[dict[str, NDArray], dict[str, Any]]:
-    """Map a file that ``save`` wrote.
+def load(path: Path, version: int) -> tuple[dict[str, NDArray], dict[str, Any]]:
+    """Map a file that ``save`` wrote; it is read once, for its checksum.
 
     Args:
         path: the file.
         version: the one that is understood.
-        verify: compare the checksum, which reads the file once.
 
     Returns:
         the arrays, mapped, and the settings. What is written to an array stays in memory.
@@ -91,10 +90,10 @@ def load(path: Path, version: int, verify: bool = True) -> tuple[dict[str, NDArr
         settings = json.loads(about["settings"])
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); {again}") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise InputError(f"{path}: not a map, or cut short; {again}") from error
-    checksum = hashlib.sha256(data.data if verify else b"")
+    checksum = hashlib.sha256(data.data)
     checksum.update(_canonical(header, about))
-    if verify and checksum.hexdigest() != wanted:
+    if checksum.hexdigest() != wanted:
         raise InputError(f"{path}: damaged, its checksum is wrong; {again}")
     return arrays, settings

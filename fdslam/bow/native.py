@@ -33,4 +33,4 @@ def say_what_is_slow() -> None:
             "numba is not installed: the word search takes its slower path, with the same result; pip install numba"
         )
     elif not binding.get_host_cpu_features().get("avx512vpopcntdq", False):
-        log.info("no AVX-512 popcount on this machine: the word search is slower here, with the same result")
+        log.warning("no AVX-512 popcount on this machine: the word search is slower here, with the same result")

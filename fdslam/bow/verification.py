@@ -50,7 +50,7 @@ def agreeing(query: Features, other: Features, least: int) -> NDArray[np.bool_]:
     result = np.zeros(len(query.xy), bool)
     for find, needed in _MODELS:
         if len(mine) < max(least, needed):
-            break
+            continue
         mask = _supporters(find, query.xy[mine], other.xy[theirs])
         if np.count_nonzero(mask) >= least:
             result[mine[mask]] = True

@@ -123,10 +123,10 @@ class Words:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the words, their ids and the lists in use."""
+        """Bytes of the words, their ids and lists, and of the room kept for more."""
         pivots = self._pivots.nbytes if self._pivots else 0
-        chains = self._first.nbytes + self._last.nbytes + self._fill.nbytes
-        return self._used * BLOCK * (32 + 4) + 4 * self._used + chains + pivots
+        pool = (self._groups, self._ids, self._following, self._first, self._last, self._fill)
+        return pivots + sum(array.nbytes for array in pool)
 
     def descriptors(self) -> NDArray[np.uint8]:
         """Return all words in the order of their ids, uint8 [n, 32]."""
@@ -140,7 +140,10 @@ class Words:
         return self._groups[: self._used * BLOCK * 4], self._ids[: self._used * BLOCK]
 
     def arrays(self) -> dict[str, NDArray]:
-        """Return everything that is kept, for storage; ``from_arrays`` takes it back."""
+        """Return everything that is kept, for storage; ``from_arrays`` takes it back.
+
+        The arrays are those in use, not copies: store them before more words are added.
+        """
         if self._pivots is not None:
             self._put_in_order()
         groups, ids = self._in_use()

@@ -11,7 +11,7 @@ from fdslam.config.options import Checked, option
 class Orb(Checked):
     """Keypoints and descriptors of an image."""
 
-    features: int = option(1500, "ORB features per image", low=1, high=100_000)
+    features: int = option(1500, "ORB features per image", low=1, high=20_000)
     grid: int = option(8, "spread the features over about grid² equal cells; 0: OpenCV's own choice", low=0, high=64)
     min_side: int = option(720, "upscale images whose shorter side is below this, pixels; 0: never", low=0, high=8192)
     fast_threshold: int = option(20, "FAST threshold of ORB, grey levels", low=1, high=255)

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fdslam.bow.index import IDF_ONE, InvertedFile
+from fdslam.bow.index import IDF_ONE, MOST, InvertedFile
 from fdslam.bow.lists import ranks_of
+from fdslam.errors import InputError
 from tests import reference
 
 
@@ -106,3 +107,40 @@ def test_a_word_more_often_than_a_byte_holds():
         300 * round(np.log(2) * IDF_ONE),
         0,
     ]
+
+
+def test_parts_do_not_change_with_the_whole_nor_by_themselves():
+    map_words, words, query, inside = scene(3)
+    index = InvertedFile(map_words, words)
+    parts = index.split(2)
+    before = [part.scores(query, inside, "ibow") for part in parts]
+    stored = [InvertedFile.from_arrays(part.arrays()) for part in parts]
+    for _ in range(6):
+        index.add([map_words[0]], words)
+    index.remove(np.array([0, 1]))
+    for part, again, scores in zip(parts, stored, before, strict=True):
+        assert np.array_equal(part.scores(query, inside, "ibow"), scores)
+        assert np.array_equal(again.scores(query, inside, "ibow"), scores)
+        for change in (lambda p=part: p.add([map_words[0]], words), lambda p=again: p.remove(np.array([0]))):
+            with pytest.raises(ValueError, match="a part of a map does not change"):
+                change()
+
+
+def test_what_scores_cannot_hold_is_refused_and_the_most_they_hold_is_exact():
+    many = np.zeros(MOST, np.int32)
+    index = InvertedFile([many, np.array([1], np.int32)], 2)
+    exact = MOST**3 * round(np.log(2) * IDF_ONE)
+    assert index.scores(many, np.ones((1, MOST), bool), "ibow")[0].tolist() == [exact, 0]
+    assert MOST**3 * round(np.log(1e6) * IDF_ONE) < 2**63
+    more = np.zeros(MOST + 1, np.int32)
+    for refused in (lambda: index.add([more], 2), lambda: index.scores(more, np.ones((1, MOST + 1), bool), "ibow")):
+        with pytest.raises(InputError, match=r"20001 keypoints: scores hold at most 20000; .*bow\.features"):
+            refused()
+
+
+def test_no_queries_and_no_such_image():
+    index = InvertedFile([np.array([0], np.int32)], 1)
+    assert index.batch_scores([], "ibow").shape == (0, 1)
+    for image in (-1, 1):
+        with pytest.raises(IndexError, match="there are 1"):
+            index.remove(np.array([image]))

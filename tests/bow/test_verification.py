@@ -54,6 +54,15 @@ def test_a_view_from_elsewhere_agrees_and_another_place_does_not(planar):
     assert np.array_equal(found, agreeing(query, other, 20))
 
 
+def test_a_homography_takes_fewer_matches_than_a_fundamental_matrix():
+    one = features(5, 12)
+    other = Features(one.xy + np.array([7, 3], np.float32), one.descriptors)
+    for count in (4, 6, 7):
+        few = Features(one.xy[:count], one.descriptors[:count])
+        assert agreeing(few, other, 4).sum() == count
+    assert not agreeing(Features(one.xy[:3], one.descriptors[:3]), other, 3).any()
+
+
 @pytest.mark.parametrize("count", [0, 1, 7])
 def test_too_few_keypoints_verify_nothing(count):
     query, other = seen_from_elsewhere(4)

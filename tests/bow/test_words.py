@@ -1,10 +1,11 @@
+import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
-from fdslam.bow import hamming, pivots
+from fdslam.bow import hamming, native, pivots
 from fdslam.bow import words as module
 from fdslam.bow.words import Words
 from fdslam.progress import in_parallel
@@ -151,3 +152,24 @@ def test_a_machine_without_numba_says_so_once_and_finds_the_same():
     search.append(rng.integers(0, 256, (1500, 32), dtype=np.uint8))
     expected = search.two_nearest(rng.integers(0, 256, (20, 32), dtype=np.uint8)).sum()
     assert int(done.stdout) == int(expected)
+
+
+def test_a_processor_without_popcount_instructions_finds_the_same(tmp_path):
+    environment = {**os.environ, "NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path)}
+    program = WITHOUT.replace('sys.modules["numba"] = None', "")
+    run = [
+        subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=env).stdout
+        for env in (environment, dict(os.environ))
+    ]
+    assert run[0] == run[1]
+
+
+def test_what_makes_the_search_slow_is_said_once(monkeypatch, caplog):
+    native.say_what_is_slow.cache_clear()
+    monkeypatch.setattr(native.binding, "get_host_cpu_features", dict)
+    Words(500, 16)
+    Words(500, 16)
+    assert [record.message for record in caplog.records] == [
+        "no AVX-512 popcount on this machine: the word search is slower here, with the same result"
+    ]
+    native.say_what_is_slow.cache_clear()

@@ -1,0 +1,50 @@
+"""The benchmarks' contract: what they print and write, on a map of a few images; never how fast it is."""
+
+import json
+import sys
+
+import pytest
+
+from experiments.speed import kernels, localization, stages
+
+
+def test_localization_writes_the_figures_that_are_promised(monkeypatch, tmp_path, capsys):
+    for name, value in (("SMALL", (3, 6)), ("QUERIES", 2), ("EXACT_QUERIES", 1), ("VERIFIED", 1)):
+        monkeypatch.setattr(localization, name, value)
+    for module in (stages, localization.verification):
+        monkeypatch.setattr(module, "OBBS", 6)
+    monkeypatch.setattr(localization, "REAL", tmp_path)  # no photographs: views of the campus
+    monkeypatch.setattr(kernels, "seconds", lambda: (4.0, 0.5))
+    monkeypatch.setattr(sys, "argv", ["localization", "--small", "--json", str(tmp_path / "figures.json")])
+    localization.main()
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    assert {
+        "U_ms",
+        "lists64_U",
+        "lists64_growth_250_to_3000",
+        "add_U",
+        "bytes_per_image",
+        "word_recall_at_1",
+        "verify_speedup",
+        "load_s",
+        "map_sizes",
+    } <= figures.keys()
+    assert figures["map_sizes"] == [3, 6]
+    assert figures["lists64_growth_250_to_3000"] is None  # it was not measured
+    assert figures["word_recall_at_1"] == 1  # so small a map is searched exactly
+    assert all(figures[name] > 0 for name in ("U_ms", "lists64_U", "add_U", "verify_speedup", "load_s"))
+    assert 6 * figures["bytes_per_image"] > 6 * 1200 * 36  # its descriptors and their ids at least
+    printed = capsys.readouterr().out
+    assert "campus views of 640 × 480" in printed
+    assert "compiled kernels: 4.0 s in the first process that uses them, 0.50 s in the next" in printed
+
+
+def test_growth_is_none_unless_both_sizes_were_measured():
+    row = localization.Measured(250, 1, 2.0, 1.0, 0.1, 0.1, 0.2, 3.0, 0.9)
+    checked = localization.verification.Verification(1, 64, 200, 2, 20, 60, 40, 5)
+    last = localization.Measured(3000, 9, 3.0, 1.0, 0.1, 0.5, 0.9, 2.0, 0.8)
+    figures = localization.figures(0.5, [row, last], checked)
+    assert figures["lists64_growth_250_to_3000"] == pytest.approx(1.5)
+    assert figures["add_U"] == pytest.approx(1.0)
+    assert (figures["verify_speedup"], figures["verify_speedup_own_lists"]) == (64, 10)
+    assert localization.figures(0.5, [last], checked)["lists64_growth_250_to_3000"] is None
