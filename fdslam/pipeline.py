@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fdslam.config import Config
 from fdslam.context import Context
 from fdslam.controls import CONTROLS, control, objectness
-from fdslam.data import load_dataset
+from fdslam.data import load_datasets
 from fdslam.detectors import DETECTORS
 from fdslam.errors import InputError
 from fdslam.fusion import fuse
@@ -51,7 +51,7 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     single_threaded()
     store = Store(config.store)
     with watch.stage("data"):
-        dataset = load_dataset(config.dataset, store, config.workers)
+        [dataset] = load_datasets(config.dataset, store, config.workers)
         _check_truth(config, dataset)
         masks = load_masks(dataset, config.mask)
     with watch.stage("map and localisation"):

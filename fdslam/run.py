@@ -21,7 +21,7 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
-from fdslam.config import Campus, Checked, Config, Folder, register
+from fdslam.config import DATASETS, Checked, Config, register
 from fdslam.errors import InputError
 from fdslam.modes import CONF
 
@@ -134,7 +134,7 @@ def known_keys() -> list[str]:
                 found.append(f"{prefix}{field.name}")
         return found
 
-    data = [key for kind in (Folder, Campus) for key in walk(kind, "dataset.")]
+    data = [key for kind in DATASETS for key in walk(kind, "dataset.")]
     return list(dict.fromkeys([*walk(Config, ""), *data]))
 
 

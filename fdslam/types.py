@@ -43,7 +43,7 @@ class Frame:
 class Dataset:
     """A map session, a query session and what is known to be true of them."""
 
-    name: str
+    name: str  # of the data set, the same for all its pairs
     map: tuple[Frame, ...]  # in the order of the path: map id m is the position in this tuple
     query: tuple[Frame, ...]
     boxes: tuple[NDArray[np.float32], ...] | None  # per query [n, 4] xyxy of changed objects; None: not annotated
@@ -51,6 +51,7 @@ class Dataset:
     labels: tuple[Path | None, ...] | None  # per query a label image (uint8 [H, W], indices into LABELS)
     poses: NDArray[np.float64] | None  # [M, 3] x, y in metres and heading in radians of the map images
     times: NDArray[np.float64]  # [M] position along the session's path; drives lie far apart
+    pair: tuple[str, str] | None = None  # (query session, map session), where the data set has several sessions
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fdslam.config import Bow, Campus, Folder
-from fdslam.data import load_dataset
+from fdslam.data import load_datasets
 from fdslam.data.folder import read_folder
 from fdslam.mapping import BowMap
 from fdslam.progress import single_threaded
@@ -46,7 +46,7 @@ def main() -> None:
     )
     with tempfile.TemporaryDirectory() as root:
         store = Store(root)
-        sets = [read_folder(folder, Folder()) for folder in folders] or [load_dataset(Campus(), store, 0)]
+        sets = [read_folder(folder, Folder()) for folder in folders] or load_datasets(Campus(), store, 0)
         for data in sets:
             exact, words = localized(data, replace(Bow(), exact_below=EVERY_WORD), store)
             lists, others = localized(data, Bow(), store)

@@ -2,7 +2,7 @@
 
 ``conf/`` holds the values; this file says which keys exist and what they may be. Hydra merges the two, so an unknown
 key or a wrong type never reaches a stage. A base class (``Orb``, ``Vocabulary``, …) names the fields that one stage
-reads: its artefacts are addressed by those alone. The bag of words has a file of its own.
+reads: its artefacts are addressed by those alone. The bag of words and the data sets have files of their own.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING
 
 from fdslam.config.bow import Bow, Orb, Retrieval, Vocabulary
+from fdslam.config.dataset import DATASETS, Campus, Dataset, Folder, Rendering
 from fdslam.config.options import Checked, option, part
 
 __all__ = [
@@ -43,44 +43,6 @@ __all__ = [
 ]
 
 METHODS = ("FD", "PC", "AD", "FD+AD+PC", "FD+AD", "FD+PC")  # Table I, top to bottom
-
-
-@dataclass
-class Dataset(Checked):
-    """Where the images come from; the options of the group `dataset` extend it."""
-
-    group: ClassVar[str | None] = "dataset"
-
-    kind: str = MISSING
-    radius: float = option(5.0, "same place by pose: distance at most this, metres", low=0)
-    angle: float = option(45.0, "same place by pose: headings differ at most this, degrees", low=0, high=180)
-    tolerance: int = option(3, "same place without poses: at most this many indices apart on one drive", low=0)
-
-
-@dataclass
-class Folder(Dataset):
-    """A folder with map/, query/ and, where known, annotations.json, map.csv, pairs.csv and labels/."""
-
-    kind: str = option("folder", "this data set", choices=("folder",))
-    root: str = MISSING
-
-
-@dataclass
-class Rendering(Checked):
-    """What decides how the embedded world looks."""
-
-    seed: int = option(0, "which campus", low=0, high=2**32 - 1)
-    map_images: int = option(96, "images of the map session", low=1)
-    query_images: int = option(72, "images of the query session", low=1)
-    width: int = option(308, "image width, pixels", low=64, high=4096)
-    height: int = option(404, "image height, pixels", low=64, high=4096)
-
-
-@dataclass
-class Campus(Rendering, Dataset):
-    """The embedded world: rendered on first use, deterministic in its seed and sizes."""
-
-    kind: str = option("campus", "this data set", choices=("campus",))
 
 
 @dataclass
@@ -236,5 +198,5 @@ def register() -> None:
     """Tell Hydra the schema: call once before composing."""
     store = ConfigStore.instance()
     store.store(name="schema", node=Config)
-    for name, node in (("base_folder", Folder), ("base_campus", Campus)):
-        store.store(group="dataset", name=name, node=node)
+    for node in DATASETS:
+        store.store(group="dataset", name=f"base_{node.kind}", node=node)

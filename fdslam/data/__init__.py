@@ -11,13 +11,16 @@ from fdslam.store import Store
 from fdslam.types import Dataset
 
 
-def _load_folder(settings: config.Folder, store: Store, workers: int) -> Dataset:
-    return read_folder(settings.root, settings)
+def _load_folder(settings: config.Folder, store: Store, workers: int) -> tuple[Dataset, ...]:
+    return (read_folder(settings.root, settings),)
 
 
-DATASETS: dict[str, Callable[..., Dataset]] = {"folder": _load_folder, "campus": load_campus}
+DATASETS: dict[str, Callable[..., tuple[Dataset, ...]]] = {"folder": _load_folder, "campus": load_campus}
 
 
-def load_dataset(settings: config.Dataset, store: Store, workers: int) -> Dataset:
-    """Return the data set that the configuration names, rendering the embedded world if it is not there yet."""
+def load_datasets(settings: config.Dataset, store: Store, workers: int) -> tuple[Dataset, ...]:
+    """Return what the configuration names, one data set for each pair of a query and a map session.
+
+    The embedded world is rendered if it is not there yet.
+    """
     return DATASETS[settings.kind](settings, store, workers)

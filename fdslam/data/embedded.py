@@ -82,7 +82,7 @@ def _coco(settings: Campus, views: list[Arrays]) -> bytes:
     return json.dumps({"images": images, "annotations": annotations, "categories": categories}, indent=1).encode()
 
 
-def load_campus(settings: Campus, store: Store, workers: int) -> Dataset:
+def load_campus(settings: Campus, store: Store, workers: int) -> tuple[Dataset, ...]:
     """Return the campus, rendering into the store whatever is missing there or damaged."""
     look = part(settings, Rendering)
     key = VIEW.key(look, [])
@@ -116,4 +116,4 @@ def load_campus(settings: Campus, store: Store, workers: int) -> Dataset:
     for name, data in files.items():
         if not (root / name).is_file() or (root / name).read_bytes() != data:
             write_atomically(root / name, data)
-    return read_folder(root, settings, name="campus")
+    return (read_folder(root, settings, name="campus"),)

@@ -1,0 +1,51 @@
+"""The data sets and their switches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from omegaconf import MISSING
+
+from fdslam.config.options import Checked, option
+
+
+@dataclass
+class Dataset(Checked):
+    """Where the images come from; the options of the group `dataset` extend it."""
+
+    group: ClassVar[str | None] = "dataset"
+
+    kind: str = MISSING
+    radius: float = option(5.0, "same place by pose: distance at most this, metres", low=0)
+    angle: float = option(45.0, "same place by pose: headings differ at most this, degrees", low=0, high=180)
+    tolerance: int = option(3, "same place without poses: at most this many indices apart on one drive", low=0)
+
+
+@dataclass
+class Folder(Dataset):
+    """A folder with map/, query/ and, where known, annotations.json, map.csv, pairs.csv and labels/."""
+
+    kind: str = option("folder", "this data set", choices=("folder",))
+    root: str = MISSING
+
+
+@dataclass
+class Rendering(Checked):
+    """What decides how the embedded world looks."""
+
+    seed: int = option(0, "which campus", low=0, high=2**32 - 1)
+    map_images: int = option(96, "images of the map session", low=1)
+    query_images: int = option(72, "images of the query session", low=1)
+    width: int = option(308, "image width, pixels", low=64, high=4096)
+    height: int = option(404, "image height, pixels", low=64, high=4096)
+
+
+@dataclass
+class Campus(Rendering, Dataset):
+    """The embedded world: rendered on first use, deterministic in its seed and sizes."""
+
+    kind: str = option("campus", "this data set", choices=("campus",))
+
+
+DATASETS = (Folder, Campus)  # the options of the group `dataset`
