@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,14 @@ from fdslam.fusion import fuse
 from fdslam.mapping import BowMap
 from fdslam.mask import apply_masks, load_masks
 from fdslam.metrics import Figure, Leader, Row, Scene, evaluate, leaders, proportion
+from fdslam.pairs import joined
 from fdslam.progress import progress, single_threaded
 from fdslam.provenance import Stopwatch
 from fdslam.store import Store
 from fdslam.types import Dataset, Localization
 
 RECALL_AT = (1, 5, 10)
+FEWEST_DRAWS = 10  # of a bootstrap whose intervals nobody reads
 Maps = list[NDArray[np.floating]]  # per query, LoC of its cells
 
 
@@ -30,18 +33,32 @@ Maps = list[NDArray[np.floating]]  # per query, LoC of its cells
 class Outcome:
     """What a run has found."""
 
-    dataset: Dataset
-    localizations: tuple[Localization, ...]  # per query
-    hypotheses: tuple[NDArray[np.int64], ...]  # per query up to Y map ids, best first
+    dataset: Dataset  # of several pairs of sessions: all queries, and the maps one after another
+    localizations: tuple[Localization, ...]  # per query, in the map of its pair
+    hypotheses: tuple[NDArray[np.int64], ...]  # per query up to Y map ids of ``dataset``, best first
     recall: dict[int, Figure | None]  # n -> percent of the queries with a true place in the first n of the strong list
     maps: dict[str, Maps]  # per row of the table and per control, after the mask
     rows: tuple[Row, ...]  # methods, then controls; empty without annotations
     leaders: dict[str, Leader]  # per method; empty without annotated boxes
     kept: dict[str, float]  # bytes per map image of the bag of words, and what each detector keeps beside it
+    pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
+    over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """One pair of sessions, localised and looked at by every detector."""
+
+    dataset: Dataset
+    localizations: tuple[Localization, ...]
+    hypotheses: tuple[NDArray[np.int64], ...]
+    found: dict[str, Maps]  # per detector
+    masks: list[NDArray[np.bool_]] | None
+    kept: dict[str, float]
 
 
 def run(config: Config, watch: Stopwatch) -> Outcome:
-    """Run the whole way for one map and one query session.
+    """Run the whole way for every pair of a query and a map session.
 
     What is stored from earlier runs is used, so only what is new is computed.
 
@@ -51,8 +68,17 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     single_threaded()
     store = Store(config.store)
     with watch.stage("data"):
-        [dataset] = load_datasets(config.dataset, store, config.workers)
-        _check_truth(config, dataset)
+        datasets = load_datasets(config.dataset, store, config.workers)
+        for dataset in datasets:
+            _check_truth(config, dataset)
+    seen = [_see(config, dataset, store, watch) for dataset in datasets]
+    outcome = _outcome(config, seen, watch)
+    pairs = tuple(_outcome(config, [one], watch) for one in seen) if len(seen) > 1 else ()
+    return replace(outcome, pairs=pairs, over_Y=_over_Y(config, datasets, store, watch))
+
+
+def _see(config: Config, dataset: Dataset, store: Store, watch: Stopwatch) -> _Seen:
+    with watch.stage("data"):
         masks = load_masks(dataset, config.mask)
     with watch.stage("map and localisation"):
         bow = BowMap(dataset.map, config.bow, config.obb.library, store, config.workers)
@@ -65,16 +91,38 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
         with watch.stage(name):
             detected = DETECTORS[name](context)
             found[name], kept[name] = list(detected.loc), detected.kept
+    return _Seen(dataset, context.localizations, hypotheses, found, masks, kept)
+
+
+def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome:
+    """Fuse, mask and measure: all cells of all queries of these pairs are one pool."""
+    dataset = joined([one.dataset for one in seen])
+    localizations = tuple(found for one in seen for found in one.localizations)
     with watch.stage("fusion"):
+        found = {name: [cells for one in seen for cells in one.found[name]] for name in seen[0].found}
+        masks = None if seen[0].masks is None else [mask for one in seen for mask in one.masks or ()]
         maps = {row: _row(row, found, config.mix.rule) for row in config.mix.rows}
         maps |= _controls(dataset, localizations, config.seed)
         maps = {name: apply_masks(loc, masks) for name, loc in maps.items()}
     with watch.stage("evaluation"):
         rows = _evaluate(maps, dataset, config)
-        recall = {n: _recall(n, dataset, localizations, config) for n in RECALL_AT}
+        recall = {n: _recall(n, seen, dataset, config) for n in RECALL_AT}
         grades = {row.method: row.grades for row in rows if row.method in config.mix.rows}
         lead = leaders(grades, otherwise=len(set(config.evaluation.X))) or {}
-    return Outcome(dataset, tuple(localizations), hypotheses, recall, maps, tuple(rows), lead, kept)
+    images = np.array([len(one.dataset.map) for one in seen])
+    kept = {name: float(np.average([one.kept[name] for one in seen], weights=images)) for name in seen[0].kept}
+    starts = np.cumsum(images) - images
+    hypotheses = tuple(h + start for one, start in zip(seen, starts, strict=True) for h in one.hypotheses)
+    return Outcome(dataset, localizations, hypotheses, recall, maps, tuple(rows), lead, kept)
+
+
+def _over_Y(config: Config, datasets: Sequence[Dataset], store: Store, watch: Stopwatch) -> dict[int, tuple[Row, ...]]:
+    """Return the rows at each Y of ``evaluation.curve_Y``; their intervals are not used, so they are few draws."""
+    rows = {}
+    for y in sorted(set(config.evaluation.curve_Y)):
+        other = replace(config, evaluation=replace(config.evaluation, Y=y, bootstrap=FEWEST_DRAWS))
+        rows[y] = _outcome(other, [_see(other, dataset, store, watch) for dataset in datasets], watch).rows
+    return rows
 
 
 def _check_truth(config: Config, dataset: Dataset) -> None:
@@ -103,7 +151,7 @@ def _row(row: str, found: dict[str, Maps], rule: str) -> Maps:
     return found[row] if len(names) == 1 else list(fuse([found[name] for name in names], rule))
 
 
-def _controls(dataset: Dataset, found: list[Localization], seed: int) -> dict[str, Maps]:
+def _controls(dataset: Dataset, found: Sequence[Localization], seed: int) -> dict[str, Maps]:
     """LoC that knows nothing of the map: whatever does not beat it has shown nothing (§Performance).
 
     Objectness counts the OBBs of the library; with fixed templates alone that is a fixed map.
@@ -132,13 +180,14 @@ def _evaluate(maps: dict[str, Maps], dataset: Dataset, config: Config) -> list[R
     )
 
 
-def _recall(n: int, dataset: Dataset, found: list[Localization], config: Config) -> Figure | None:
+def _recall(n: int, seen: Sequence[_Seen], dataset: Dataset, config: Config) -> Figure | None:
     if dataset.relevant is None:
         return None
     hits = np.array(
         [
-            not one.lost and np.isin(one.strong[:n], true).any()
-            for one, true in zip(found, dataset.relevant, strict=True)
+            not found.lost and np.isin(found.strong[:n], true).any()
+            for one in seen
+            for found, true in zip(one.localizations, one.dataset.relevant or (), strict=True)
         ]
     )
     names = [frame.name for frame in dataset.query]

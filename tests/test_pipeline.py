@@ -17,7 +17,7 @@ from fdslam.config import Vocabulary as Switches
 from fdslam.errors import InputError
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
-from fdslam.report.tables import table_csv
+from fdslam.report.data import table_csv
 from tests.data.worlds import small_world, texture, write_csv
 
 QUICK = Ad(k=2, epochs=2, folds=2, channels=4, latent=8, pixels=1024)
@@ -43,7 +43,7 @@ def folder(root):
 
 
 def table(config):
-    return table_csv(run(config, Stopwatch()), config)
+    return table_csv(run(config, Stopwatch()))
 
 
 def artefacts(store):
@@ -96,7 +96,7 @@ def test_a_second_run_computes_nothing_and_says_the_same(campus):
     before = artefacts(Path(config.store))
     again = run(config, Stopwatch())
     assert artefacts(Path(config.store)) == before
-    assert table_csv(again, config) == table_csv(outcome, config)
+    assert table_csv(again) == table_csv(outcome)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_a_change_repeats_only_what_is_new(campus, changes, stages):
 def test_c_is_shared_and_changes_no_figure(campus, c):
     config, outcome = campus
     other = replace(config, ad=replace(QUICK, c=c))
-    assert table_csv(run(other, Stopwatch()), other) == table_csv(outcome, config)
+    assert table_csv(run(other, Stopwatch())) == table_csv(outcome)
 
 
 LISTS = {"localization", "fd"}
@@ -159,12 +159,12 @@ def test_every_refinement_goes_the_whole_way(campus, switch, stages):
     kept, whole = outcome.kept["bag of words"], plain.kept["bag of words"]
     assert {"verify_top": kept > whole + 300 * 40 * 0.9, "purge": kept < whole}.get(next(iter(switch)), True)
     alone = replace(changed, workers=1, store=str(store.parent / f"alone-{next(iter(switch))}"))
-    assert table(alone) == table_csv(outcome, changed)
+    assert table(alone) == table_csv(outcome)
 
 
 def test_workers_and_a_damaged_store_change_nothing(campus, tmp_path):
     config, outcome = campus
-    expected = table_csv(outcome, config)
+    expected = table_csv(outcome)
     assert table(replace(config, store=str(tmp_path), workers=1)) == expected
     files = sorted(Path(tmp_path).rglob("*.safetensors"))
     for path in {*files[::3], *(tmp_path / "map").rglob("*.safetensors")}:

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-PAPER = Path(__file__).with_name("paper.json")
+from fdslam.report.paper import published
 
 
 def _figures(row: dict[str, Any], percents: list[int]) -> str:
@@ -25,7 +25,7 @@ def comparison(tables: list[dict[str, Any]]) -> str:
     Args:
         tables: the contents of ``table.json`` files.
     """
-    paper = json.loads(PAPER.read_text(encoding="utf-8"))
+    paper = published()
     percents = paper["X"]
     rows = [{row["method"]: row for row in table["rows"]} for table in tables]
     controls = [name for name in dict.fromkeys(name for row in rows for name in row) if name not in paper["rows"]]
@@ -36,9 +36,9 @@ def comparison(tables: list[dict[str, Any]]) -> str:
     lines = [f"| X = {' / '.join(map(str, percents))} % | paper, NCLT | {' | '.join(heads)} |"]
     lines.append("|---|" + "---|" * (1 + len(tables)))
     for name in [*paper["rows"], *controls]:
-        published = " / ".join(f"{v:.1f}" for v in paper["rows"][name]) if name in paper["rows"] else "–"
+        theirs = " / ".join(f"{v:.1f}" for v in paper["rows"][name]) if name in paper["rows"] else "–"
         found = [_figures(table[name], percents) if name in table else "–" for table in rows]
-        lines.append(f"| {name} | {published} | {' | '.join(found)} |")
+        lines.append(f"| {name} | {theirs} | {' | '.join(found)} |")
     for name in [*paper["rows"], *controls]:
         figures = [table[name]["lc_auroc"] if name in table else {"value": None} for table in rows]
         shown = ["–" if f["value"] is None else f"{f['value']:.3f} ({f['low']:.3f}–{f['high']:.3f})" for f in figures]

@@ -147,6 +147,7 @@ class Evaluation(Checked):
 
     X: list[int] = option([5, 10, 15, 20], "percent of the cells that are selected", low=1, high=100)
     Y: int = option(10, "hypotheses of the strong list", low=1, high=1000)
+    curve_Y: list[int] = option([], "other numbers of hypotheses, for a curve over Y", low=1, high=1000, empty=True)
     pool: str = option(
         "all", "cells ranked over all queries, or within each: which the terminal shows first", choices=("all", "query")
     )

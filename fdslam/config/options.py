@@ -11,9 +11,20 @@ from omegaconf import MISSING
 from fdslam.errors import InputError
 
 
-def option(default: Any, help: str, *, choices: tuple = (), low: float | None = None, high: float | None = None) -> Any:
-    """Declare a field with its meaning and its range (``low <= value <= high`` or one of ``choices``)."""
-    metadata = {"help": help, "choices": choices, "low": low, "high": high}
+def option(
+    default: Any,
+    help: str,
+    *,
+    choices: tuple = (),
+    low: float | None = None,
+    high: float | None = None,
+    empty: bool = False,
+) -> Any:
+    """Declare a field with its meaning and its range (``low <= value <= high`` or one of ``choices``).
+
+    A list may be empty only where ``empty`` says so.
+    """
+    metadata = {"help": help, "choices": choices, "low": low, "high": high, "empty": empty}
     if isinstance(default, list):
         return field(default_factory=lambda: list(default), metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -33,7 +44,7 @@ class Checked:
                 setattr(self, f.name, value)
             group = type(self).__name__.lower() if self.group is None else self.group
             where = f"{group}.{f.name}".lstrip(".")
-            if value == []:
+            if value == [] and not meta.get("empty"):
                 raise InputError(f"{where}=[]: name at least one")
             if isinstance(value, list) and len(set(value)) < len(value):
                 raise InputError(f"{where}={value}: something is named twice")

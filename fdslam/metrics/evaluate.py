@@ -28,6 +28,12 @@ class Row:
     ap: Figure | None  # average precision of the cells
     f1_max: Figure | None  # of the cells
     grades: NDArray[np.int64]  # [O] per box as listed: index of the smallest X (pooled) that finds it, or their number
+    found_at: NDArray[np.float64] | None  # [O] per box: percent of the cells it takes; None: no one number (iou)
+
+    @property
+    def areas(self) -> dict[str, Figure | None]:
+        """What does not depend on X, by the name under which it is shown."""
+        return {"AUROC": self.auroc, "lc-AUROC": self.lc_auroc, "AP": self.ap, "F1-max": self.f1_max}
 
 
 def evaluate(name: str, loc: Sequence[NDArray[np.floating]], scene: Scene, config: Evaluation, seed: int) -> Row:
@@ -54,6 +60,11 @@ def evaluate(name: str, loc: Sequence[NDArray[np.floating]], scene: Scene, confi
     found_pooled, found_within = measure(ranking, scene, config.found, weights, percents)
     grades = np.empty(len(scene.objects.area), dtype=np.int64)
     grades[scene.objects.listed] = grade(found_pooled[:, 0])
+    found_at = None
+    if config.criterion == "coverage":
+        found_at = np.empty(len(grades))
+        needed = accuracy.needed_positions(ranking.position, scene, config.found)
+        found_at[scene.objects.listed] = 100.0 * needed / max(len(values), 1)
     auroc, ap, f1_max = _curves(values, ranking, scene, weights, config.confidence)
     return Row(
         method=name,
@@ -64,6 +75,7 @@ def evaluate(name: str, loc: Sequence[NDArray[np.floating]], scene: Scene, confi
         ap=ap,
         f1_max=f1_max,
         grades=grades,
+        found_at=found_at,
     )
 
 

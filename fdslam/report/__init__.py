@@ -11,20 +11,28 @@ from fdslam.config import Config
 from fdslam.pipeline import Outcome
 from fdslam.progress import worker_count
 from fdslam.provenance import Stopwatch, provenance
+from fdslam.report.curves import draw_curves
+from fdslam.report.data import pairs_csv, table_csv, table_json
+from fdslam.report.latex import table_latex
 from fdslam.report.pictures import draw_pictures
-from fdslam.report.tables import table_csv, table_json, table_markdown, table_text
+from fdslam.report.tables import table_markdown, table_text
 from fdslam.store import write_atomically
 
 
 def write_report(outcome: Outcome, config: Config, folder: Path, watch: Stopwatch) -> str:
-    """Write ``table.csv``, ``table.md``, ``table.json``, ``pictures/`` and ``run.json``; return the table as text."""
+    """Write the table in every form, curves, pictures and ``run.json``; return the table as text."""
     with watch.stage("pictures"):
         draw_pictures(outcome, config, folder / "pictures")
     seconds = sum(watch.seconds.values())
     table = table_json(outcome, config, seconds)
     write_atomically(folder / "table.json", _json(table))
-    write_atomically(folder / "table.csv", table_csv(outcome, config).encode())
+    write_atomically(folder / "table.csv", table_csv(outcome).encode())
     write_atomically(folder / "table.md", table_markdown(outcome, config).encode())
+    write_atomically(folder / "table.tex", table_latex(outcome, config).encode())
+    if outcome.pairs:
+        write_atomically(folder / "pairs.csv", pairs_csv(outcome).encode())
+    if curves := draw_curves(outcome, config):
+        write_atomically(folder / "curves.png", curves)
     run = provenance(asdict(config), watch.seconds, worker_count(config.workers))
     write_atomically(folder / "run.json", _json(run))
     return table_text(outcome, config)

@@ -1,28 +1,30 @@
-"""The accuracy table as text, Markdown, CSV and JSON."""
+"""The accuracy table for people: as text and as Markdown."""
 
 from __future__ import annotations
 
-import csv
-import io
-from typing import Any
+from collections.abc import Sequence
 
 from fdslam.config import Config
-from fdslam.metrics import Figure, Row
+from fdslam.metrics import Figure
 from fdslam.modes import deviations
+from fdslam.pairs import label
 from fdslam.pipeline import Outcome
+from fdslam.report.paper import beside_paper
+from fdslam.types import Frame
 
 Grid = list[list[str]]
 NOTHING = "–"
+
+
+def distinct(frames: Sequence[Frame]) -> int:
+    """Return the number of different images among the frames."""
+    return len({frame.name for frame in frames})
 
 
 def _figure(figure: Figure | None, digits: int) -> str:
     if figure is None:
         return NOTHING
     return f"{figure.value:.{digits}f} ({figure.low:.{digits}f}–{figure.high:.{digits}f})"
-
-
-def _areas(row: Row) -> dict[str, Figure | None]:
-    return {"AUROC": row.auroc, "lc-AUROC": row.lc_auroc, "AP": row.ap, "F1-max": row.f1_max}
 
 
 def _compact(figure: Figure | None) -> str:
@@ -44,7 +46,7 @@ def _grid(outcome: Outcome, config: Config, compact: bool) -> Grid:
     lines = [["method", *(f"X = {x} %" for x in percents), *names, "solo", "co"]]
     for row in outcome.rows:
         accuracy = row.pooled if config.evaluation.pool == "all" else row.per_query
-        areas, lead = _areas(row), outcome.leaders.get(row.method)
+        areas, lead = row.areas, outcome.leaders.get(row.method)
         lines.append(
             [
                 row.method,
@@ -65,8 +67,9 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
     """Return the lines above the table: the data, the setting and the localisation recall."""
     data = outcome.dataset
     boxes = "no annotations" if data.boxes is None else f"{sum(map(len, data.boxes))} changed objects"
+    which = f", {len(outcome.pairs)} pairs of sessions" if outcome.pairs else f" {label(data)}".rstrip()
     lines = [
-        f"{data.name}: {len(data.map)} map images, {len(data.query)} queries, {boxes}",
+        f"{data.name}{which}: {distinct(data.map)} map images, {len(data.query)} queries, {boxes}",
         f"mode {config.mode}{_but(config)}, OBBs {config.obb.library}, Y = {config.evaluation.Y}, "
         f"mask {config.mask.source}, viewpoint {config.evaluation.viewpoint}",
     ]
@@ -86,20 +89,55 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
     return lines
 
 
+def by_pair(outcome: Outcome, config: Config) -> Grid:
+    """Return head and one line per pair of sessions: recall@1, and what each method finds at the largest X."""
+    percent = max(config.evaluation.X)
+    methods = [row.method for row in outcome.rows]
+    lines = [["query/map", "queries", "objects", "recall@1", *(f"{name}, {percent} %" for name in methods)]]
+    for pair in outcome.pairs:
+        boxes = pair.dataset.boxes
+        recall = pair.recall[min(pair.recall)]
+        accuracy = [
+            row.pooled[percent] if config.evaluation.pool == "all" else row.per_query[percent] for row in pair.rows
+        ]
+        lines.append(
+            [
+                label(pair.dataset),
+                str(len(pair.dataset.query)),
+                NOTHING if boxes is None else str(sum(map(len, boxes))),
+                NOTHING if recall is None else f"{recall.value:.1f}",
+                *(NOTHING if figure is None else f"{figure.value:.1f}" for figure in accuracy),
+            ]
+        )
+    return lines
+
+
+def _aligned(grid: Grid, rules: tuple[int, ...]) -> list[str]:
+    """Return a grid as lines of text, with a rule below each of the lines numbered in ``rules``."""
+    widths = [max(map(len, column)) for column in zip(*grid, strict=True)]
+    lines = []
+    for i, cells in enumerate(grid):
+        head, *rest = (c.ljust(w) if n == 0 else c.rjust(w) for n, (c, w) in enumerate(zip(cells, widths, strict=True)))
+        lines.append("  ".join([head, *rest]).rstrip())
+        if i in rules:
+            lines.append("─" * (sum(widths) + 2 * (len(widths) - 1)))
+    return lines
+
+
+def _markdown(grid: Grid) -> list[str]:
+    head, *rest = grid
+    lines = [f"| {' | '.join(head)} |", f"|---|{'---:|' * (len(head) - 1)}"]
+    return lines + [f"| {' | '.join(cells)} |" for cells in rest]
+
+
 def table_text(outcome: Outcome, config: Config) -> str:
     """Return the table for a terminal."""
     lines = summary(outcome, config)
     if outcome.rows:
-        grid = _grid(outcome, config, compact=True)
-        widths = [max(map(len, column)) for column in zip(*grid, strict=True)]
-        lines.append("")
-        for i, cells in enumerate(grid):
-            head, *rest = (
-                c.ljust(w) if n == 0 else c.rjust(w) for n, (c, w) in enumerate(zip(cells, widths, strict=True))
-            )
-            lines.append("  ".join([head, *rest]).rstrip())
-            if i in (0, len(config.mix.rows)):
-                lines.append("─" * (sum(widths) + 2 * (len(widths) - 1)))
+        lines += ["", *_aligned(_grid(outcome, config, compact=True), (0, len(config.mix.rows)))]
+    if outcome.pairs:
+        narrow = [line[: 4 + len(config.mix.rows)] for line in by_pair(outcome, config)]  # without the controls
+        lines += ["", *_aligned(narrow, (0,))]
     return "\n".join(lines)
 
 
@@ -107,67 +145,13 @@ def table_markdown(outcome: Outcome, config: Config) -> str:
     """Return the table as Markdown."""
     lines = [*(f"{line}  " for line in summary(outcome, config)), ""]
     if outcome.rows:
-        head, *rest = _grid(outcome, config, compact=False)
-        lines += [f"| {' | '.join(head)} |", f"|---|{'---:|' * (len(head) - 1)}"]
-        lines += [f"| {' | '.join(cells)} |" for cells in rest]
+        lines += _markdown(_grid(outcome, config, compact=False))
+        lines += [
+            "",
+            "Beside the paper's Table I (NCLT, % of 986 objects):",
+            "",
+            *_markdown(beside_paper(outcome, config)),
+        ]
+    if outcome.pairs:
+        lines += ["", "By pair of sessions:", "", *_markdown(by_pair(outcome, config))]
     return "\n".join(lines) + "\n"
-
-
-def table_csv(outcome: Outcome, config: Config) -> str:
-    """Return the table as CSV, one line per method, pool and figure: method, pool, figure, value, low, high."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["method", "pool", "figure", "value", "low", "high"])
-    for row in outcome.rows:
-        figures: list[tuple[str, str, Figure | None]] = []
-        for pool, accuracy in (("all", row.pooled), ("query", row.per_query)):
-            figures += [(pool, f"top-{x}", figure) for x, figure in accuracy.items()]
-        figures += [("all", name, figure) for name, figure in _areas(row).items()]
-        for pool, name, figure in figures:
-            values = ["", "", ""] if figure is None else [figure.value, figure.low, figure.high]
-            writer.writerow([row.method, pool, name, *values])
-        if lead := outcome.leaders.get(row.method):
-            writer.writerow([row.method, "all", "solo-leader", lead.solo, "", ""])
-            writer.writerow([row.method, "all", "co-leader", lead.co, "", ""])
-    return text.getvalue()
-
-
-def _entry(figure: Figure | None) -> dict[str, float | None]:
-    if figure is None:
-        return {"value": None, "low": None, "high": None}
-    return {"value": figure.value, "low": figure.low, "high": figure.high}
-
-
-def table_json(outcome: Outcome, config: Config, seconds: float) -> dict[str, Any]:
-    """Return the table for programs: accuracies and recalls in percent, areas in 0 … 1, null where undefined."""
-    rows = []
-    for row in outcome.rows:
-        lead = outcome.leaders.get(row.method)
-        rows.append(
-            {
-                "method": row.method,
-                "pooled": {str(x): _entry(figure) for x, figure in row.pooled.items()},
-                "per_query": {str(x): _entry(figure) for x, figure in row.per_query.items()},
-                "auroc": _entry(row.auroc),
-                "lc_auroc": _entry(row.lc_auroc),
-                "ap": _entry(row.ap),
-                "f1_max": _entry(row.f1_max),
-                "solo_leader": lead.solo if lead else None,
-                "co_leader": lead.co if lead else None,
-            }
-        )
-    data = outcome.dataset
-    return {
-        "dataset": data.name,
-        "map": len(data.map),
-        "query": len(data.query),
-        "boxes": None if data.boxes is None else sum(map(len, data.boxes)),
-        "mode": config.mode,
-        "deviations": deviations(config),
-        "obb": config.obb.library,
-        "Y": config.evaluation.Y,
-        "seconds": round(seconds, 3),
-        "localization": {f"recall@{n}": _entry(figure) for n, figure in outcome.recall.items()},
-        "kept_bytes_per_map_image": {name: round(size) for name, size in outcome.kept.items()},
-        "rows": rows,
-    }

@@ -11,12 +11,16 @@ from PIL import Image
 from scipy.stats import rankdata
 
 from experiments.table1.compare import comparison
-from fdslam.config import Report
+from fdslam.config import METHODS, Obb, Report
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
 from fdslam.report import write_report
+from fdslam.report.curves import draw_curves
+from fdslam.report.data import table_csv, table_json
+from fdslam.report.latex import table_latex
+from fdslam.report.paper import beside_paper, differences
 from fdslam.report.pictures import percentiles, rank_queries
-from fdslam.report.tables import table_csv, table_json, table_markdown, table_text
+from fdslam.report.tables import table_markdown, table_text
 from tests.data.worlds import small_world
 from tests.test_pipeline import config_for, folder
 
@@ -32,7 +36,7 @@ def test_csv_json_and_markdown_say_what_was_found(made):
     config, outcome, _ = made
     table = table_json(outcome, config, 1.5)
     assert json.loads(json.dumps(table, allow_nan=False)) == table
-    lines = list(csv.DictReader(io.StringIO(table_csv(outcome, config))))
+    lines = list(csv.DictReader(io.StringIO(table_csv(outcome))))
     for row, entry in zip(outcome.rows, table["rows"], strict=True):
         mine = {(line["pool"], line["figure"]): line for line in lines if line["method"] == row.method}
         for x, figure in row.pooled.items():
@@ -107,3 +111,40 @@ def test_queries_go_from_best_to_worst(made):
     assert ranked[0] == 1
     assert ranked[-1] == 3
     assert rank_queries(replace(outcome, dataset=replace(outcome.dataset, boxes=None)), right) == []
+
+
+def test_the_paper_stands_beside_with_what_differs(made):
+    config, outcome, _ = made
+    grid = beside_paper(outcome, config)
+    lines = {line[0]: line for line in grid[1:]}
+    assert list(lines) == list(METHODS)
+    assert lines["FD"][1] == "7.8 / 15.8 / 27.2 / 39.6"
+    ours = next(row for row in outcome.rows if row.method == "AD").pooled
+    assert lines["AD"][2] == " / ".join(f"{ours[x].value:.1f}" for x in (5, 10, 15, 20))
+    assert lines["FD"][3] == "other images; other annotations; OBBs J+B; no mask"
+    assert "AE of our own design; ad.k=2" in lines["FD+AD"][3]
+    assert "localised by OBBs J+B" in lines["PC"][3]
+    assert "ad." not in lines["FD+PC"][3]
+    same = replace(config, obb=Obb("YOLO+J+B+BING"))
+    assert differences("FD", outcome, same) == ["other images", "other annotations", "no mask"]
+    assert "| FD+AD+PC | 2.6 / 20.1 / 34.1 / 42.1 | " in table_markdown(outcome, config)
+
+
+def test_latex_holds_every_row_and_escapes(made):
+    config, outcome, _ = made
+    text = table_latex(replace(outcome, dataset=replace(outcome.dataset, name="50%_a&b")), config)
+    assert r"on 50\%\_a\&b;" in text
+    for row in outcome.rows:
+        assert f"\n{row.method} & {row.pooled[5].value:.1f} {{\\scriptsize (" in text
+    assert "FD, the paper on NCLT & 7.8 & 15.8 & 27.2 & 39.6 & --" in text
+    body = text[text.index("toprule") : text.index("bottomrule")]
+    assert {line.count(" & ") for line in body.splitlines() if " & " in line} == {5}
+    other = table_latex(outcome, replace(config, evaluation=replace(config.evaluation, X=[5, 20])))
+    assert "the paper on NCLT" not in other
+
+
+def test_curves_are_drawn_where_there_is_something_to_draw(made):
+    config, outcome, _ = made
+    assert draw_curves(outcome, config).startswith(b"\x89PNG")
+    rows = tuple(replace(row, found_at=None) for row in outcome.rows)
+    assert draw_curves(replace(outcome, rows=rows), config) is None

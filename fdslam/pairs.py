@@ -1,0 +1,44 @@
+"""Several pairs of a query and a map session as one data set, for what is measured over all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fdslam.types import Dataset
+
+
+def label(dataset: Dataset) -> str:
+    """Return how a pair of sessions is shown: query/map, e.g. "AU/SU"; empty where there are no sessions."""
+    return "" if dataset.pair is None else "/".join(dataset.pair)
+
+
+def joined(datasets: Sequence[Dataset]) -> Dataset:
+    """Return all queries of the pairs, and their maps one after another; one pair alone is returned as it is.
+
+    A query image that is compared with three maps is three queries, told apart by their names. Truth that not all
+    pairs have is left out.
+
+    Args:
+        datasets: at least one.
+    """
+    first = datasets[0]
+    if len(datasets) == 1:
+        return first
+    starts = np.cumsum([0, *(len(one.map) for one in datasets)])
+    placed = list(zip(datasets, starts, strict=False))
+    known = all(one.relevant is not None for one in datasets)
+    return Dataset(
+        name=first.name,
+        map=tuple(frame for one in datasets for frame in one.map),
+        query=tuple(replace(frame, name=f"{frame.name} ({label(one)})") for one in datasets for frame in one.query),
+        boxes=None
+        if any(one.boxes is None for one in datasets)
+        else tuple(boxes for one in datasets for boxes in one.boxes or ()),
+        relevant=tuple(ids + start for one, start in placed for ids in one.relevant or ()) if known else None,
+        labels=None,
+        poses=None,
+        times=np.concatenate([one.times for one in datasets]),
+    )

@@ -1,0 +1,138 @@
+"""Several pairs of sessions in one run: what is told of them together and of each alone."""
+
+import csv
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import rankdata
+
+from fdslam import pipeline
+from fdslam.config import Evaluation, Folder, Mask, Mix, Report
+from fdslam.data.folder import read_folder
+from fdslam.pairs import joined, label
+from fdslam.pipeline import run
+from fdslam.provenance import Stopwatch
+from fdslam.report import write_report
+from fdslam.report.data import table_csv
+from tests.data.worlds import small_world
+from tests.test_pipeline import config_for, folder
+
+QUICK = Evaluation(bootstrap=20, curve_Y=[1, 3])
+
+
+def sessions(base):
+    """Three pairs of two small worlds: A seen in B, B seen in A (another number of queries), A in B again."""
+    one = read_folder(small_world(base / "one"), Folder(), name="twins")
+    two = read_folder(small_world(base / "two", count=4, changed=(0,), light=0.6), Folder(), name="twins")
+    return (
+        replace(one, pair=("A", "B")),
+        replace(two, pair=("B", "A")),
+        replace(two, pair=("B", "C")),
+    )
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Configuration, data sets, outcome of all three, and of each alone."""
+    base = tmp_path_factory.mktemp("pairs")
+    found = sessions(base)
+    mix = Mix(rows=["FD", "PC", "FD+PC"])
+    config = config_for(folder(base), base / "store", mix=mix, evaluation=QUICK)
+
+    def measured(datasets, config=config):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(pipeline, "load_datasets", lambda *_: datasets)
+            return run(config, Stopwatch())
+
+    masked = replace(config, mask=Mask("labels"), mix=Mix(rows=["FD"]))
+    alone = [measured((one,), masked).maps["FD"] for one in found]
+    together = measured(found, masked).maps["FD"]
+    assert all(np.array_equal(a, b) for a, b in zip(together, [m for one in alone for m in one], strict=True))
+    assert any((cells == 0).any() for cells in together)
+    return config, found, measured(found), [measured((one,)) for one in found]
+
+
+def test_a_pair_is_measured_as_if_it_were_alone(made):
+    _, _, outcome, alone = made
+    assert len(outcome.pairs) == 3
+    for pair, single in zip(outcome.pairs, alone, strict=True):
+        assert table_csv(pair) == table_csv(single)
+        assert pair.recall == single.recall
+        assert single.pairs == ()
+
+
+def test_the_cells_of_all_pairs_are_one_pool(made):
+    _, found, outcome, alone = made
+    assert len(outcome.dataset.query) == sum(len(one.query) for one in found) == 14
+    pools = []
+    for name in ("FD", "PC"):
+        pool = np.concatenate([m.ravel() for one in alone for m in one.maps[name]])
+        assert np.array_equal(np.concatenate([m.ravel() for m in outcome.maps[name]]), pool)
+        pools.append(1 / rankdata(pool, method="min"))
+    assert np.allclose(np.concatenate([m.ravel() for m in outcome.maps["FD+PC"]]), 2 / sum(pools))
+    objects = sum(len(boxes) for boxes in outcome.dataset.boxes)
+    fd = next(row for row in outcome.rows if row.method == "FD")
+    assert len(fd.grades) == len(fd.found_at) == objects == 4
+    for x, figure in fd.pooled.items():
+        assert figure.value == pytest.approx(100 * np.mean(fd.found_at <= x))
+
+
+def test_recall_and_kept_bytes_are_those_of_all_queries_and_maps(made):
+    _, _, outcome, alone = made
+    for n, figure in outcome.recall.items():
+        hits = sum(one.recall[n].value * len(one.dataset.query) for one in alone)
+        assert figure.value == pytest.approx(hits / 14)
+    for name, kept in outcome.kept.items():
+        assert kept == pytest.approx(sum(one.kept[name] * len(one.dataset.map) for one in alone) / 14)
+
+
+def test_names_and_hypotheses_tell_the_pairs_apart(made):
+    _, found, outcome, alone = made
+    names = [frame.name for frame in outcome.dataset.query]
+    assert len(set(names)) == len(names)
+    assert names[6] == "query/00.png (B/A)"
+    assert names[10] == "query/00.png (B/C)"
+    shown = [outcome.dataset.map[h[0]].digest for h in outcome.hypotheses]
+    expected = [one.dataset.map[h[0]].digest for one in alone for h in one.hypotheses]
+    assert shown == expected
+    assert [ids.tolist() for ids in outcome.dataset.relevant[6:10]] == [[6], [7], [8], [9]]
+    assert joined(found[:1]) is found[0]
+    assert label(replace(found[0], pair=None)) == ""
+
+
+def test_truth_that_one_pair_lacks_is_left_out(made):
+    _, found, _, _ = made
+    assert joined([found[0], replace(found[1], boxes=None, relevant=None)]).boxes is None
+    assert joined([found[0], replace(found[1], boxes=None, relevant=None)]).relevant is None
+
+
+def test_the_curve_over_y_is_what_a_run_at_that_y_finds(made):
+    config, found, outcome, _ = made
+    assert sorted(outcome.over_Y) == [1, 3]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "load_datasets", lambda *_: found)
+        other = run(replace(config, evaluation=replace(QUICK, Y=3, curve_Y=[])), Stopwatch())
+    for row, again in zip(outcome.over_Y[3], other.rows, strict=True):
+        assert {x: f.value for x, f in row.pooled.items()} == {x: f.value for x, f in again.pooled.items()}
+
+
+def test_the_report_tells_of_every_pair(made, tmp_path):
+    config, _, outcome, _ = made
+    text = write_report(outcome, replace(config, report=Report(pictures=1)), tmp_path, Stopwatch())
+    assert "twins, 3 pairs of sessions: 6 map images, 14 queries, 4 changed objects" in text
+    assert "B/C" in text
+    table = json.loads((tmp_path / "table.json").read_text())
+    assert [(p["query_session"], p["map_session"]) for p in table["pairs"]] == [("A", "B"), ("B", "A"), ("B", "C")]
+    for pair, single in zip(table["pairs"], outcome.pairs, strict=True):
+        assert [row["method"] for row in pair["rows"]] == [row["method"] for row in table["rows"]]
+        assert pair["rows"][0]["pooled"]["20"]["value"] == single.rows[0].pooled[20].value
+    assert table["over_Y"]["3"]["FD"]["20"] == outcome.over_Y[3][0].pooled[20].value
+    lines = list(csv.DictReader(io.StringIO((tmp_path / "pairs.csv").read_text())))
+    mine = [line for line in lines if (line["query"], line["map"], line["method"]) == ("B", "C", "PC")]
+    value = next(line["value"] for line in mine if line["figure"] == "top-20" and line["pool"] == "all")
+    assert float(value) == outcome.pairs[2].rows[1].pooled[20].value
+    assert "| B/A | 4 | 1 | " in (tmp_path / "table.md").read_text()
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
