@@ -18,9 +18,9 @@ from fdslam.fusion import fuse
 from fdslam.mapping import BowMap
 from fdslam.mask import apply_masks, load_masks
 from fdslam.metrics import Figure, Leader, Row, Scene, evaluate, leaders, proportion
-from fdslam.pairs import joined
 from fdslam.progress import progress, single_threaded
 from fdslam.provenance import Stopwatch
+from fdslam.sessions import joined
 from fdslam.store import Store
 from fdslam.types import Dataset, Localization
 

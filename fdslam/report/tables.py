@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from fdslam.config import Config
 from fdslam.metrics import Figure
 from fdslam.modes import deviations
-from fdslam.pairs import label
 from fdslam.pipeline import Outcome
 from fdslam.report.paper import beside_paper
+from fdslam.sessions import label
 from fdslam.types import Frame
 
 Grid = list[list[str]]

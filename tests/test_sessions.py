@@ -12,11 +12,11 @@ from scipy.stats import rankdata
 from fdslam import pipeline
 from fdslam.config import Evaluation, Folder, Mask, Mix, Report
 from fdslam.data.folder import read_folder
-from fdslam.pairs import joined, label
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
 from fdslam.report import write_report
 from fdslam.report.data import table_csv
+from fdslam.sessions import joined, label
 from tests.data.worlds import small_world
 from tests.test_pipeline import config_for, folder
 
@@ -34,6 +34,12 @@ def sessions(base):
     )
 
 
+def measured(config, datasets):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "load_datasets", lambda *_: datasets)
+        return run(config, Stopwatch())
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """Configuration, data sets, outcome of all three, and of each alone."""
@@ -42,17 +48,7 @@ def made(tmp_path_factory):
     mix = Mix(rows=["FD", "PC", "FD+PC"])
     config = config_for(folder(base), base / "store", mix=mix, evaluation=QUICK)
 
-    def measured(datasets, config=config):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(pipeline, "load_datasets", lambda *_: datasets)
-            return run(config, Stopwatch())
-
-    masked = replace(config, mask=Mask("labels"), mix=Mix(rows=["FD"]))
-    alone = [measured((one,), masked).maps["FD"] for one in found]
-    together = measured(found, masked).maps["FD"]
-    assert all(np.array_equal(a, b) for a, b in zip(together, [m for one in alone for m in one], strict=True))
-    assert any((cells == 0).any() for cells in together)
-    return config, found, measured(found), [measured((one,)) for one in found]
+    return config, found, measured(config, found), [measured(config, (one,)) for one in found]
 
 
 def test_a_pair_is_measured_as_if_it_were_alone(made):
@@ -78,6 +74,15 @@ def test_the_cells_of_all_pairs_are_one_pool(made):
     assert len(fd.grades) == len(fd.found_at) == objects == 4
     for x, figure in fd.pooled.items():
         assert figure.value == pytest.approx(100 * np.mean(fd.found_at <= x))
+
+
+def test_every_query_keeps_the_mask_of_its_own(made):
+    config, found, _, _ = made
+    masked = replace(config, mask=Mask("labels"), mix=Mix(rows=["FD"]))
+    alone = [cells for one in found for cells in measured(masked, (one,)).maps["FD"]]
+    together = measured(masked, found).maps["FD"]
+    assert all(np.array_equal(a, b) for a, b in zip(together, alone, strict=True))
+    assert all((cells[:3] == 0).all() for cells in together)  # sky
 
 
 def test_recall_and_kept_bytes_are_those_of_all_queries_and_maps(made):
@@ -112,9 +117,7 @@ def test_truth_that_one_pair_lacks_is_left_out(made):
 def test_the_curve_over_y_is_what_a_run_at_that_y_finds(made):
     config, found, outcome, _ = made
     assert sorted(outcome.over_Y) == [1, 3]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "load_datasets", lambda *_: found)
-        other = run(replace(config, evaluation=replace(QUICK, Y=3, curve_Y=[])), Stopwatch())
+    other = measured(replace(config, evaluation=replace(QUICK, Y=3, curve_Y=[])), found)
     for row, again in zip(outcome.over_Y[3], other.rows, strict=True):
         assert {x: f.value for x, f in row.pooled.items()} == {x: f.value for x, f in again.pooled.items()}
 
