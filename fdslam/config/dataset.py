@@ -24,10 +24,12 @@ class Dataset(Checked):
 
 @dataclass
 class Folder(Dataset):
-    """A folder with map/, query/ and, where known, annotations.json, map.csv, pairs.csv and labels/."""
+    """A folder with map/, query/ and, where known, annotations, map.csv, pairs.csv and labels/."""
 
     kind: str = option("folder", "this data set", choices=("folder",))
     root: str = MISSING
+    annotations: str = option("", "COCO or CVAT file, or LabelMe folder; empty: what is found in the root")
+    classes: list[str] = option([], "labels that count as a change; none: all", empty=True)
 
 
 @dataclass

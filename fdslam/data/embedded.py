@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import json
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from fdslam.config import Campus, Rendering, part
 from fdslam.context import ensure
+from fdslam.data.annotations import AnnotatedImage, Annotation, coco_json
 from fdslam.data.campus import World
 from fdslam.data.folder import read_folder
 from fdslam.store import Arrays, Key, Stage, Store, sha256_file, write_atomically
@@ -64,22 +64,13 @@ def _pose_rows(session: str, views: list[Arrays]) -> list[list]:
     ]
 
 
-def _coco(settings: Campus, views: list[Arrays]) -> bytes:
-    images = [
-        {"id": i, "file_name": f"query/{i:04d}.png", "width": settings.width, "height": settings.height}
-        for i in range(len(views))
-    ]
-    boxes = [
-        (i, int(kind), [float(v) for v in (x0, y0, x1 - x0, y1 - y0)])
-        for i, view in enumerate(views)
-        for (x0, y0, x1, y1), kind in zip(view["boxes"], view["kinds"], strict=True)
-    ]
-    annotations = [
-        {"id": n, "image_id": i, "category_id": kind, "bbox": bbox, "area": bbox[2] * bbox[3], "iscrowd": 0}
-        for n, (i, kind, bbox) in enumerate(boxes)
-    ]
-    categories = [{"id": i, "name": name} for i, name in enumerate(KINDS)]
-    return json.dumps({"images": images, "annotations": annotations, "categories": categories}, indent=1).encode()
+def _coco(settings: Campus, views: list[Arrays], root: Path) -> bytes:
+    images = []
+    for i, view in enumerate(views):
+        boxes = zip(view["boxes"].tolist(), view["kinds"], strict=True)
+        found = tuple(Annotation(tuple(box), KINDS[kind], f"view {i}") for box, kind in boxes)
+        images.append(AnnotatedImage(f"query/{i:04d}.png", root, (settings.width, settings.height), found, f"view {i}"))
+    return coco_json(images, KINDS)
 
 
 def load_campus(settings: Campus, store: Store, workers: int) -> tuple[Dataset, ...]:
@@ -111,7 +102,7 @@ def load_campus(settings: Campus, store: Store, workers: int) -> tuple[Dataset, 
     files = {
         "map.csv": _csv(["map_file", *pose], _pose_rows("map", maps)),
         "pairs.csv": _csv(["query_file", "drive", "query_index", *pose[2:]], _pose_rows("query", queries)),
-        "annotations.json": _coco(settings, queries),
+        "annotations.json": _coco(settings, queries, root),
     }
     for name, data in files.items():
         if not (root / name).is_file() or (root / name).read_bytes() != data:

@@ -2,8 +2,8 @@
 
 Layout (everything but the two image folders is optional):
 
-- ``annotations.json``  COCO: images (file_name, width, height), annotations (bbox [x, y, w, h] pixels), categories.
-  A query without an annotation shows no change.
+- ``annotations.json`` (COCO), ``annotations.xml`` (CVAT), ``annotations/`` or JSON files in ``query/`` (LabelMe): boxes
+  of what has changed, see ``fdslam.data.annotations``. A query without an annotation shows no change.
 - ``map.csv``           map_file, drive, index along the path; optionally x, y (metres), heading (radians).
 - ``pairs.csv``         query_file, drive, query_index; optionally map_file, x, y, heading.
 - ``labels/NAME.png``   label image of ``query/NAME.*``: 8 bit, indices into ``fdslam.types.LABELS``.
@@ -15,25 +15,23 @@ apart on one drive.
 from __future__ import annotations
 
 import csv
-import json
 import logging
 import math
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fdslam import config
-from fdslam.data.images import SUFFIXES, image_size
+from fdslam.data.annotations import find_annotations, match_boxes, read_annotations
+from fdslam.data.images import SUFFIXES, image_size, is_file
 from fdslam.errors import InputError
 from fdslam.store import sha256_file
 from fdslam.types import Dataset, Frame
 
 log = logging.getLogger(__name__)
 DRIVE_GAP = 1_000_000.0  # in Dataset.times: between drives, so that no k-means by time joins two of them
-_SMALLEST_BOX = 1.0  # pixels inside the image
 _LARGEST_NUMBER = 1e12  # of an index, in metres or radians: far beyond any map, and its square is still a number
 
 
@@ -58,7 +56,7 @@ def read_folder(root: str | Path, settings: config.Dataset, name: str | None = N
         name=name or base.resolve().name,
         map=tuple(maps),
         query=tuple(queries),
-        boxes=_boxes(base / "annotations.json", queries),
+        boxes=_boxes(base, queries, settings),
         relevant=_relevant(base, map_rows, pair_rows, settings),
         labels=_labels(base, queries),
         poses=poses,
@@ -109,7 +107,8 @@ def _files(base: Path, folder: str, rows: list[dict[str, str]] | None, column: s
     if not (base / folder).is_dir():
         raise InputError(f"{base / folder}: no such folder; a data set has its images in map/ and query/")
     found = sorted(p.relative_to(base).as_posix() for p in (base / folder).iterdir() if p.suffix.lower() in SUFFIXES)
-    others = sorted(p.name for p in (base / folder).iterdir() if p.suffix.lower() not in SUFFIXES)
+    known = (*SUFFIXES, ".json")  # LabelMe puts its files beside the images
+    others = sorted(p.name for p in (base / folder).iterdir() if p.suffix.lower() not in known)
     if others and found:
         log.warning("%s: %d left out, no images by their suffix: %s …", base / folder, len(others), others[0])
     if not found:
@@ -119,81 +118,23 @@ def _files(base: Path, folder: str, rows: list[dict[str, str]] | None, column: s
 
 def _with_folder(base: Path, folder: str, file: str) -> str:
     """Names may be given with the folder, as in ``query/a.jpg``, or without."""
-    return f"{folder}/{file}" if not _is_file(base / file) and _is_file(base / folder / file) else file
+    return f"{folder}/{file}" if not is_file(base / file) and is_file(base / folder / file) else file
 
 
 def _frame(base: Path, file: str) -> Frame:
     path = base / file
-    if not file or not _is_file(path):
+    if not file or not is_file(path):
         shown = file if len(file) < 200 else f"{file[:200]}…"
         raise InputError(f"{str(base / shown)!r}: listed but not there; restore the image or take it out of the CSV")
     height, width = image_size(path)
     return Frame(file, path, sha256_file(path), height, width)
 
 
-def _boxes(path: Path, queries: list[Frame]) -> tuple[NDArray[np.float32], ...] | None:
-    if not path.exists():
+def _boxes(base: Path, queries: list[Frame], settings: config.Dataset) -> tuple[NDArray[np.float32], ...] | None:
+    path = find_annotations(base, getattr(settings, "annotations", ""))
+    if path is None:
         return None
-    try:
-        coco = json.loads(path.read_text(encoding="utf-8-sig"))
-        images = {str(image["id"]): image for image in coco["images"]}
-        files = {key: _with_folder(path.parent, "query", str(image["file_name"])) for key, image in images.items()}
-        sizes = {key: (image.get("width"), image.get("height")) for key, image in images.items()}
-        annotations = [(str(a["image_id"]), a["bbox"], a.get("id")) for a in coco["annotations"]]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(f"{path}: not COCO annotations with images and annotations ({error!r})") from error
-    by_name = {frame.name: frame for frame in queries}
-    for key, file in files.items():
-        if file in by_name:
-            _check_size(path, by_name[file], sizes[key])
-    found: dict[str, list[list[float]]] = {frame.name: [] for frame in queries}
-    for key, bbox, identity in annotations:
-        if key not in files:
-            raise InputError(f"{path}: annotation {identity} is of image {key}, which is not among its images")
-        if files[key] in found:
-            found[files[key]].append(_box(path, identity, bbox, by_name[files[key]]))
-        elif not _is_file(path.parent / files[key]):  # pairs.csv may choose some of the annotated images, no more
-            raise InputError(
-                f"{path}: annotation {identity} is of {files[key]!r}, which is no image here; "
-                f"file_name must be as in {queries[0].name!r}, or remove what is annotated there"
-            )
-    return tuple(np.array(found[frame.name], np.float32).reshape(-1, 4) for frame in queries)
-
-
-def _check_size(path: Path, frame: Frame, size: tuple[Any, Any]) -> None:
-    if None in size or size == (frame.width, frame.height):
-        return
-    raise InputError(
-        f"{frame.path}: is {frame.width}×{frame.height} pixels, {path.name} says {size[0]!r}×{size[1]!r}; "
-        "the boxes would not fit: use the image that was annotated"
-    )
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name too long for the file system, or one with a NUL
-        return False
-
-
-def _box(path: Path, identity: Any, bbox: Any, frame: Frame) -> list[float]:
-    """COCO [x, y, w, h] to xyxy, clipped to the image."""
-    try:
-        x, y, w, h = (float(value) for value in bbox)
-        fine = all(map(math.isfinite, (x, y, w, h))) and w > 0 and h > 0
-    except (TypeError, ValueError, OverflowError):
-        fine = False
-    if not fine:
-        raise InputError(
-            f"{path}: annotation {identity} has the bbox {bbox}; [x, y, width, height] in pixels is needed"
-        )
-    box = [max(x, 0), max(y, 0), min(x + w, frame.width), min(y + h, frame.height)]
-    if box[2] - box[0] < _SMALLEST_BOX or box[3] - box[1] < _SMALLEST_BOX:
-        raise InputError(
-            f"{path}: annotation {identity} with the bbox {bbox} lies outside {frame.name} "
-            f"({frame.width}×{frame.height} pixels); correct or remove it"
-        )
-    return box
+    return match_boxes(read_annotations(path), queries, (base, base / "query"), getattr(settings, "classes", ()))
 
 
 def _poses(path: Path, rows: list[dict[str, str]] | None) -> NDArray[np.float64] | None:

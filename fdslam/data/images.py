@@ -27,6 +27,14 @@ _EXIF_ORIENTATION, _EXIF_TRANSPOSED = 0x0112, (5, 6, 7, 8)
 _DECODING = (OSError, SyntaxError, ValueError, EOFError, struct.error, Pillow.DecompressionBombError)
 
 
+def is_file(path: Path) -> bool:
+    """Tell whether there is such a file; a name that no file can have, as other people's lists may hold, is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # too long for the file system, or with a NUL
+        return False
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[Pillow.Image]:
     """Open an image; whatever goes wrong while it is open is one line that names the file."""

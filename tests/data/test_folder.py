@@ -7,6 +7,7 @@ from PIL import Image
 from fdslam.config import Folder
 from fdslam.data.folder import read_folder
 from fdslam.errors import InputError
+from tests.data.annotations.samples import BOX, cvat, labelme, shape
 from tests.data.worlds import small_world, texture, write_csv
 
 
@@ -98,7 +99,9 @@ def test_nan_in_a_box_is_named(world):
 
 def test_an_image_of_another_size_than_its_annotation_says_is_named(world):
     change(world, lambda coco: coco["images"][2].update(width=161))
-    with pytest.raises(InputError, match=r"query/02\.png: is 160×120 pixels, annotations\.json says 161×120"):
+    with pytest.raises(
+        InputError, match=r"query/02\.png: is 160×120 pixels, .*annotations\.json: image 2 says 161×120"
+    ):
         read(world)
 
 
@@ -192,3 +195,31 @@ def test_the_digest_follows_the_bytes(world):
     Image.fromarray(texture(77)).save(world / "map" / "00.png")
     assert read(world).map[0].digest != before
     assert np.all([len(f.digest) == 64 for f in read(world).map])
+
+
+def annotated(root, annotations="", classes=()):
+    boxes = read_folder(root, Folder(annotations=str(annotations), classes=list(classes))).boxes
+    return [b.tolist() for b in boxes]
+
+
+def test_cvat_and_labelme_are_found_and_two_at_once_refused(world):
+    expected = [[], [[40, 60, 80, 100]], [], [[40, 60, 80, 100]], [], []]
+    cvat(world / "annotations.xml", BOX.replace("40.5", "40"))
+    with pytest.raises(InputError, match=r"annotations\.json and in annotations\.xml"):
+        annotated(world)
+    assert annotated(world, world / "annotations.json") == expected
+    (world / "annotations.json").unlink()
+    assert annotated(world) == [[], [[40, 60, 80, 100]], [[150, 0, 160, 15]], [], [], []]
+    assert annotated(world, classes=["car"]) == [[], [[40, 60, 80, 100]], [], [], [], []]
+    (world / "annotations.xml").unlink()
+    for i in (1, 3):
+        labelme(world / "query" / f"{i:02d}.json", f"{i:02d}.png", shape([[80, 100], [40, 60]]))
+    assert annotated(world) == expected
+
+
+def test_labelme_files_beside_the_images_are_not_said_to_be_left_out(world, caplog):
+    labelme(world / "query" / "01.json", "01.png")
+    for name in ("annotations.json", "map.csv", "pairs.csv"):
+        (world / name).unlink()
+    assert annotated(world) == [[]] * 6
+    assert "left out" not in caplog.text
