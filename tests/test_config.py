@@ -39,7 +39,7 @@ def options():
 
 @pytest.mark.parametrize("option", options())
 def test_every_option_of_every_group_composes(option):
-    extra = ["dataset.root=/data"] if option == "dataset=folder" else []
+    extra = ["dataset.root=/data"] if option in ("dataset=folder", "dataset=pairs") else []
     assert composed(option, *extra).mix.rows
 
 
@@ -76,6 +76,13 @@ def test_paper_mode_is_the_schema_s_default():
 def test_a_value_out_of_range_is_named(override, named):
     with pytest.raises(InputError, match=re.escape(named)):
         composed(override)
+
+
+def test_a_list_may_be_empty_only_where_its_option_says_so():
+    assert composed("dataset=folder", "dataset.root=/data", "dataset.classes=[]").dataset.classes == []
+    assert composed("dataset=folder", "dataset.root=/data", "dataset.classes=[car,2]").dataset.classes == ["car", "2"]
+    with pytest.raises(InputError, match="something is named twice"):
+        composed("dataset=folder", "dataset.root=/data", "dataset.classes=[car,car]")
 
 
 def test_true_is_a_choice_and_not_a_truth_value():

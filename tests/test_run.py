@@ -34,6 +34,17 @@ def command(*arguments, cwd=ROOT, python=sys.executable):
         (["+experiment=nope"], "experiment=nope: no such option, choose one of ad, fd"),
         (["dataset=folder"], "dataset.root is missing: give dataset.root=…"),
         (["dataset=folder", "dataset.root=/nowhere"], "dataset.root=/nowhere: no such folder"),
+        (["dataset=pairs"], "dataset.root is missing: give dataset.root=…"),
+        (
+            ["dataset=pairs", "dataset.root=/nowhere"],
+            "dataset.root=/nowhere: no such folder; give the folder that holds the",
+        ),
+        (["dataset=pairs", "dataset.root=."], ".: no image pairs found; looked for changesim: rgb/"),
+        (
+            ["dataset=pairs", "dataset.root=.", "dataset.layout=kitti"],
+            "dataset.layout=kitti: choose one of auto, vl_cmu_cd",
+        ),
+        (["dataset=folder", "dataset.root=.", "dataset.annotations=a b.xml"], "dataset.annotations=a b.xml: not there"),
         (["fd.pooling=best"], "fd.pooling=best: choose one of min, mean, max, median"),
         (["evaluation.Y=0"], "evaluation.Y=0: out of range, it must be 1 to 1000"),
         (["obb.library=J+Q"], "unknown source 'Q', choose from A, B"),

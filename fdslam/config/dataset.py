@@ -33,6 +33,28 @@ class Folder(Dataset):
 
 
 @dataclass
+class Pairs(Dataset):
+    """Aligned image pairs with masks of change, t0 before and t1 after."""
+
+    kind: str = option("pairs", "this data set", choices=("pairs",))
+    root: str = MISSING
+    layout: str = option(
+        "auto",
+        "how the set lies on disk, see fdslam/data/layouts.py; auto: the first that fits",
+        choices=("auto", "vl_cmu_cd", "pcd", "pscd", "changesim", "plain"),
+    )
+    direction: str = option(
+        "t0_to_t1", "from the map to the queries: which image is which", choices=("t0_to_t1", "t1_to_t0")
+    )
+    changed: str = option(
+        "auto",
+        "the colour of change in a black and white mask; auto: as the layout has it",
+        choices=("auto", "white", "black"),
+    )
+    min_area: int = option(100, "connected areas with fewer pixels are no object", low=1)
+
+
+@dataclass
 class Rendering(Checked):
     """What decides how the embedded world looks."""
 
@@ -50,4 +72,4 @@ class Campus(Rendering, Dataset):
     kind: str = option("campus", "this data set", choices=("campus",))
 
 
-DATASETS = (Folder, Campus)  # the options of the group `dataset`
+DATASETS = (Folder, Pairs, Campus)  # the options of the group `dataset`

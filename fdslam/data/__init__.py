@@ -7,6 +7,7 @@ from collections.abc import Callable
 from fdslam import config
 from fdslam.data.embedded import load_campus
 from fdslam.data.folder import read_folder
+from fdslam.data.pairs import read_pairs
 from fdslam.store import Store
 from fdslam.types import Dataset
 
@@ -15,7 +16,15 @@ def _load_folder(settings: config.Folder, store: Store, workers: int) -> tuple[D
     return (read_folder(settings.root, settings),)
 
 
-DATASETS: dict[str, Callable[..., tuple[Dataset, ...]]] = {"folder": _load_folder, "campus": load_campus}
+def _load_pairs(settings: config.Pairs, store: Store, workers: int) -> tuple[Dataset, ...]:
+    return (read_pairs(settings),)
+
+
+DATASETS: dict[str, Callable[..., tuple[Dataset, ...]]] = {
+    "folder": _load_folder,
+    "pairs": _load_pairs,
+    "campus": load_campus,
+}
 
 
 def load_datasets(settings: config.Dataset, store: Store, workers: int) -> tuple[Dataset, ...]:

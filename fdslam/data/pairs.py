@@ -1,0 +1,94 @@
+"""A data set of aligned image pairs with masks: one image of each pair is in the map, the other is a query.
+
+Two images show the same place if they are of one pair or, where the pairs of a set follow each other along a path, of
+pairs at most ``tolerance`` apart. The boxes of a query are those of the connected areas of its mask.
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam import config
+from fdslam.data.folder import DRIVE_GAP
+from fdslam.data.images import image_size
+from fdslam.data.layouts import Pair, find_pairs
+from fdslam.data.masks import areas, read_mask
+from fdslam.errors import InputError
+from fdslam.progress import progress
+from fdslam.store import sha256_file
+from fdslam.types import Dataset, Frame
+
+log = logging.getLogger(__name__)
+_MOST_CHANGED = 0.5  # share of all pixels: beyond it, black and white have been taken for each other
+
+
+def read_pairs(settings: config.Pairs) -> Dataset:
+    """Read the pairs in folder ``settings.root``; images are measured and hashed, masks decoded.
+
+    Raises:
+        InputError: no pairs, a missing image or mask, one that cannot be read or does not fit, or masks that call most
+            of the set changed.
+    """
+    root = Path(settings.root).expanduser()
+    layout, pairs = find_pairs(root, settings.layout)
+    log.info("%s: %d pairs, layout %s", root, len(pairs), layout)
+    forward = settings.direction == "t0_to_t1"
+    maps, queries, boxes, shares = [], [], [], []
+    for pair in progress(pairs, len(pairs), "masks"):
+        mask = pair.mask_t1 if forward else pair.mask_t0
+        if mask is None:
+            raise InputError(
+                f"dataset.direction={settings.direction}: {layout} has masks for t1 alone; choose direction=t0_to_t1"
+            )
+        before, after = (pair.t0, pair.t1) if forward else (pair.t1, pair.t0)
+        maps.append(_frame(root, before))
+        queries.append(_frame(root, after))
+        changed = read_mask(mask, queries[-1], pair.reading if settings.changed == "auto" else settings.changed)
+        boxes.append(areas(changed, settings.min_area))
+        shares.append(changed.mean())
+    if settings.changed == "auto" and np.mean(shares) > _MOST_CHANGED:
+        raise InputError(
+            f"{root}: read as {layout}, {100 * np.mean(shares):.0f} % of all pixels would have changed; if black means "
+            "changed give dataset.changed=black, if it is really so dataset.changed=white"
+        )
+    places = _positions(pairs)
+    return Dataset(
+        name=root.resolve().name,
+        map=tuple(maps),
+        query=tuple(queries),
+        boxes=tuple(boxes),
+        relevant=_relevant(places, [pair.sequence is not None for pair in pairs], settings.tolerance),
+        labels=None,
+        poses=None,
+        times=places,
+    )
+
+
+def _frame(root: Path, path: Path) -> Frame:
+    height, width = image_size(path)
+    return Frame(path.relative_to(root).as_posix(), path, sha256_file(path), height, width)
+
+
+def _positions(pairs: list[Pair]) -> NDArray[np.float64]:
+    """Count along each sequence, with a gap between two of them; pairs without a sequence are one."""
+    counts: dict[str | None, int] = {}
+    gaps = {sequence: DRIVE_GAP * i for i, sequence in enumerate(dict.fromkeys(pair.sequence for pair in pairs))}
+    positions = []
+    for pair in pairs:
+        counts[pair.sequence] = counts.get(pair.sequence, -1) + 1
+        positions.append(gaps[pair.sequence] + counts[pair.sequence])
+    return np.array(positions, np.float64)
+
+
+def _relevant(positions: NDArray[np.float64], ordered: list[bool], tolerance: int) -> tuple[NDArray[np.int64], ...]:
+    """Return for each pair the pairs of its place, nearest first: itself alone where the set is in no order."""
+    found = []
+    for i, position in enumerate(positions):
+        distance = np.abs(positions - position)
+        near = np.flatnonzero(distance <= (tolerance if ordered[i] else 0))
+        found.append(near[np.argsort(distance[near], kind="stable")].astype(np.int64))
+    return tuple(found)
