@@ -47,7 +47,12 @@ def _renamed(image: AnnotatedImage, folder: Path) -> AnnotatedImage:
 def _summary(images: Sequence[AnnotatedImage]) -> str:
     labels = Counter(one.label for image in images for one in image.annotations)
     boxes = ", ".join(f"{label} {count}" for label, count in sorted(labels.items()))
-    return f"{len(images)} images, {labels.total()} boxes{f' ({boxes})' if boxes else ''}"
+    return f"{_count(len(images), 'image')}, {_count(labels.total(), 'box')}{f' ({boxes})' if boxes else ''}"
+
+
+def _count(number: int, thing: str) -> str:
+    plural = "es" if thing.endswith("x") else "s"
+    return f"{number} {thing}{plural if number != 1 else ''}"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

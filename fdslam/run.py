@@ -70,7 +70,7 @@ def check_surroundings(config: Config) -> None:
     root = getattr(config.dataset, "root", None)
     if root is not None and not Path(root).expanduser().is_dir():
         raise InputError(
-            f"dataset.root={root}: no such folder; give the folder that holds {HOLDS[config.dataset.kind]}"
+            f"dataset.root={root}: no such folder; give the folder that holds {HOLDS.get(config.dataset.kind, 'the data')}"
         )
     _check_data(config)
     if not re.fullmatch(r"cpu|cuda(:\d+)?", config.device):

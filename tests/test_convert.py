@@ -54,6 +54,13 @@ def test_labelme_to_coco_has_the_same_boxes(tmp_path, folder, prefix):
     assert boxes(root, root / folder)[4] == [[45, 35, 55, 45]]
 
 
+def test_labels_of_any_language(tmp_path):
+    labelme(tmp_path / "a" / "a.json", "a.png", shape([[1, 2], [3, 4]], label="Baugerüst 足場"))
+    command(tmp_path / "a", tmp_path / "b.json")
+    command(tmp_path / "b.json", tmp_path / "c.json")
+    assert json.loads((tmp_path / "c.json").read_text())["categories"] == [{"id": 0, "name": "Baugerüst 足場"}]
+
+
 def test_images_need_not_be_there(tmp_path):
     command(cvat(tmp_path / "a.xml"), tmp_path / "out" / "b.json")
     images = json.loads((tmp_path / "out" / "b.json").read_text())["images"]

@@ -143,14 +143,16 @@ def _vl_sequence(root: Path, folder: Path) -> Iterator[Pair]:
 
 def _pcd(root: Path) -> list[Pair]:
     pairs = []
-    for masks, reading in (("ground_truth", "black"), ("mask", "white")):
-        for folder in _holding(root, ("t0", "t1", masks), 1):
-            for name, (t0, t1, mask) in _aligned([folder / part for part in ("t0", "t1", masks)]):
-                if masks == "mask" and not re.fullmatch(r"\d{8}", name):
-                    return []
-                pairs.append(Pair(_prefixed(root, folder, name), t0, t1, mask, mask, reading))
-        if pairs:  # mask/ beside ground_truth/ says the same
-            break
+    for folder in _holding(root, ("t0", "t1"), 1):
+        released = (folder / "ground_truth").is_dir()
+        masks = folder / ("ground_truth" if released else "mask")
+        if not masks.is_dir():
+            return []
+        for name, (t0, t1, mask) in _aligned([folder / "t0", folder / "t1", masks]):
+            if not released and not re.fullmatch(r"\d{8}", name):
+                return []
+            reading = "black" if released else "white"
+            pairs.append(Pair(_prefixed(root, folder, name), t0, t1, mask, mask, reading))
     return pairs
 
 

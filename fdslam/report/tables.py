@@ -85,7 +85,7 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
         level = round(100 * config.evaluation.confidence)
         lines.append(f"% of changed objects found in the top X % of the cells, ranked {pool} ({level} % intervals)")
     else:
-        lines.append("no annotations.json: the maps of change are drawn, nothing is evaluated")
+        lines.append("no annotations: the maps of change are drawn, nothing is evaluated")
     return lines
 
 

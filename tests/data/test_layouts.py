@@ -65,8 +65,9 @@ def test_pcd_black_in_the_released_masks_and_white_in_the_converted(tmp_path):
     assert [pair.name for pair in pairs] == [f"{part}/{i:08d}" for part in ("GSV", "TSUNAMI") for i in range(2)]
     assert {(pair.reading, pair.sequence, pair.mask_t1.suffix) for pair in pairs} == {("black", None, ".bmp")}
     assert find_pairs(tmp_path / "GSV")[1][0].name == "00000000"  # one of the two alone
-    for part in ("GSV", "TSUNAMI"):
-        (tmp_path / part / "ground_truth").rename(tmp_path / part / "mask")
+    (tmp_path / "GSV" / "ground_truth").rename(tmp_path / "GSV" / "mask")
+    assert [pair.reading for pair in find_pairs(tmp_path)[1]] == ["white", "white", "black", "black"]
+    (tmp_path / "TSUNAMI" / "ground_truth").rename(tmp_path / "TSUNAMI" / "mask")
     layout, pairs = find_pairs(tmp_path)
     assert (layout, len(pairs), {pair.reading for pair in pairs}) == ("pcd", 4, {"white"})
     assert find_pairs(tmp_path, "plain")[1] == sorted(pairs, key=lambda pair: pair.name)

@@ -100,7 +100,7 @@ def coco_json(images: Iterable[AnnotatedImage], labels: Sequence[str] = ()) -> b
         "annotations": annotations,
         "categories": [{"id": i, "name": name} for i, name in enumerate(names)],
     }
-    return json.dumps(content, indent=1, ensure_ascii=False).encode()
+    return json.dumps(content, indent=1).encode()
 
 
 def _size(image: AnnotatedImage) -> dict[str, int]:

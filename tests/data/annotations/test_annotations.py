@@ -1,8 +1,10 @@
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fdslam.data.annotations import READERS, find_annotations, read_annotations
 from fdslam.errors import InputError
-from tests.data.annotations.samples import coco, cvat, labelme
+from tests.data.annotations.samples import coco, cvat, labelme, shape
 
 
 def test_what_there_is_is_found(tmp_path):
@@ -37,3 +39,30 @@ def test_an_archive_is_to_be_unpacked(tmp_path):
     with pytest.raises(InputError, match=r"annotations\.zip: COCO ends in \.json.*unpack"):
         read_annotations(tmp_path / "annotations.zip")
     assert set(READERS) == {"coco", "cvat", "labelme"}
+
+
+WRITERS = {
+    "coco": lambda folder: coco(folder / "a.json"),
+    "cvat": lambda folder: cvat(folder / "a.xml"),
+    "labelme": lambda folder: labelme(folder / "a.json", "01.png", shape([[50, 40], [53, 44]], "circle")),
+}
+
+
+@pytest.mark.parametrize("kind", READERS)
+@given(
+    at=st.floats(0, 1), length=st.integers(0, 12), put=st.binary(max_size=6) | st.sampled_from([b"NaN", b"-1", b"{}"])
+)
+def test_whatever_a_damaged_file_holds_is_read_or_named(tmp_path_factory, kind, at, length, put):
+    folder = tmp_path_factory.mktemp("damaged")
+    path = WRITERS[kind](folder)
+    content = path.read_bytes()
+    start = int(at * len(content))
+    path.write_bytes(content[:start] + put + content[start + length :])
+    images, message = (), f"{path}"
+    try:
+        images = READERS[kind](folder if kind == "labelme" else path)
+    except InputError as error:
+        message = str(error)
+    assert str(path) in message
+    assert "\n" not in message
+    assert all(one.xyxy[0] < one.xyxy[2] and one.xyxy[1] < one.xyxy[3] for i in images for one in i.annotations)
