@@ -69,9 +69,8 @@ def check_surroundings(config: Config) -> None:
     parse_library(config.obb.library)
     root = getattr(config.dataset, "root", None)
     if root is not None and not Path(root).expanduser().is_dir():
-        raise InputError(
-            f"dataset.root={root}: no such folder; give the folder that holds {HOLDS.get(config.dataset.kind, 'the data')}"
-        )
+        holds = HOLDS.get(config.dataset.kind, "the data")
+        raise InputError(f"dataset.root={root}: no such folder; give the folder that holds {holds}")
     _check_data(config)
     if not re.fullmatch(r"cpu|cuda(:\d+)?", config.device):
         raise InputError(f"device={config.device}: choose cpu or cuda")

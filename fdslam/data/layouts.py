@@ -5,7 +5,7 @@ the sets' own loaders, or the loaders of published work on them, read; no copy o
 
 - ``vl_cmu_cd``  VL-CMU-CD (Alcantarilla et al., RSS 2016), sequences along a street. As released:
   ``[train|test/]SEQUENCE/RGB/1_NN.png`` (t0) and ``2_NN.png`` (t1), ``SEQUENCE/GT/gtNN.png`` in colours. Or the binary
-  version: ``[train|test/]{t0,t1,mask}/SEQUENCE_1_NN_TURN.png``, of which the turned copies (TURN > 0) are left out
+  version: ``[train|test/]{t0,t1,mask}/SEQUENCE_1_NN_TURN.png``, of which the turned copies (TURN > 0) are no pairs
   (github.com/DoctorKey/C-3PO, src/dataset/vl_cmu_cd.py).
 - ``pcd``        TSUNAMI and GSV (Sakurada and Okatani, BMVC 2015), panoramas of unconnected places:
   ``[TSUNAMI|GSV/]{t0,t1}/NNNNNNNN.jpg`` and ``ground_truth/NNNNNNNN.bmp``, where black has changed, or
@@ -20,7 +20,6 @@ the sets' own loaders, or the loaders of published work on them, read; no copy o
 
 from __future__ import annotations
 
-import logging
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -28,8 +27,6 @@ from pathlib import Path
 
 from fdslam.data.images import SUFFIXES
 from fdslam.errors import InputError
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -109,18 +106,15 @@ def _vl_cmu_cd(root: Path) -> list[Pair]:
     released = _holding(root, ("RGB", "GT"), 2)
     if released:
         return [pair for folder in released for pair in _vl_sequence(root, folder)]
-    pairs, turned = [], 0
+    pairs = []
     for folder in _holding(root, ("t0", "t1", "mask"), 1):
         for name, (t0, t1, mask) in _aligned([folder / part for part in ("t0", "t1", "mask")]):
             parts = re.fullmatch(r"(\d+)_1_\d+_(\d)", name)
             if not parts:
                 return []
-            turned += parts[2] != "0"
             if parts[2] == "0":
                 sequence = _prefixed(root, folder, parts[1])
                 pairs.append(Pair(_prefixed(root, folder, name), t0, t1, mask, mask, "white", sequence))
-    if turned:
-        log.warning("%s: %d turned copies are left out", root, turned)
     return pairs
 
 
@@ -137,8 +131,6 @@ def _vl_sequence(root: Path, folder: Path) -> Iterator[Pair]:
         assert t1 is not None
         name = _prefixed(root, folder, number)
         yield Pair(name, t0, t1, mask, mask, "coloured", _prefixed(root, folder, ""))
-    if len(images) > 2 * len(masks):
-        log.warning("%s: %d images without a mask are left out", folder, len(images) - 2 * len(masks))
 
 
 def _pcd(root: Path) -> list[Pair]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fdslam import config
 from fdslam.data.folder import DRIVE_GAP
-from fdslam.data.images import image_size
+from fdslam.data.images import SUFFIXES, image_size
 from fdslam.data.layouts import Pair, find_pairs
 from fdslam.data.masks import areas, read_mask
 from fdslam.errors import InputError
@@ -36,6 +36,8 @@ def read_pairs(settings: config.Pairs) -> Dataset:
     root = Path(settings.root).expanduser()
     layout, pairs = find_pairs(root, settings.layout)
     log.info("%s: %d pairs, layout %s", root, len(pairs), layout)
+    if left_out := _left_out(pairs):
+        log.warning("%s: %d images and masks are in no pair and left out", root, left_out)
     forward = settings.direction == "t0_to_t1"
     maps, queries, boxes, shares = [], [], [], []
     for pair in progress(pairs, len(pairs), "masks"):
@@ -66,6 +68,13 @@ def read_pairs(settings: config.Pairs) -> Dataset:
         poses=None,
         times=places,
     )
+
+
+def _left_out(pairs: list[Pair]) -> int:
+    """Count the images that lie beside those of the pairs and are in none."""
+    used = {path for pair in pairs for path in (pair.t0, pair.t1, pair.mask_t0, pair.mask_t1) if path is not None}
+    folders = {path.parent for path in used}
+    return sum(path.suffix.lower() in SUFFIXES for folder in folders for path in folder.iterdir()) - len(used)
 
 
 def _frame(root: Path, path: Path) -> Frame:

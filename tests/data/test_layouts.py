@@ -32,7 +32,7 @@ def test_plain_pairs_in_the_order_of_their_numbers(tmp_path):
     assert {(pair.reading, pair.sequence) for pair in pairs} == {("white", None)}
 
 
-def test_vl_cmu_cd_as_released(tmp_path, caplog):
+def test_vl_cmu_cd_as_released(tmp_path):
     root = vl_cmu_cd_released(tmp_path)
     write_pair(0, root / "train" / "001" / "RGB" / "1_77.png", root / "train" / "001" / "RGB" / "2_77.png")
     _, pairs = find_pairs(root)
@@ -42,13 +42,12 @@ def test_vl_cmu_cd_as_released(tmp_path, caplog):
     assert pairs[7].t1 == root / "train/010/RGB/2_01.png"
     assert pairs[7].mask_t1 == root / "train/010/GT/gt01.png"
     assert {pair.reading for pair in pairs} == {"coloured"}
-    assert "001: 2 images without a mask are left out" in caplog.text
     (root / "train/010/RGB/2_01.png").unlink()
     with pytest.raises(InputError, match=r"2_01\.\*: no such image, but there is .*gt01\.png"):
         find_pairs(root)
 
 
-def test_vl_cmu_cd_binary_without_its_turned_copies(tmp_path, caplog):
+def test_vl_cmu_cd_binary_without_its_turned_copies(tmp_path):
     layout, pairs = find_pairs(vl_cmu_cd_binary(tmp_path))
     assert layout == "vl_cmu_cd"
     assert [pair.name for pair in pairs] == [
@@ -57,7 +56,6 @@ def test_vl_cmu_cd_binary_without_its_turned_copies(tmp_path, caplog):
     ]
     assert [pair.sequence for pair in pairs] == ["test/2"] * 5 + ["test/10"] * 2
     assert {pair.reading for pair in pairs} == {"white"}
-    assert "21 turned copies are left out" in caplog.text
 
 
 def test_pcd_black_in_the_released_masks_and_white_in_the_converted(tmp_path):

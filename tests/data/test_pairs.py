@@ -16,6 +16,7 @@ from tests.data.pair_sets import (
     plain,
     pscd,
     save,
+    vl_cmu_cd_binary,
     vl_cmu_cd_released,
 )
 
@@ -51,6 +52,13 @@ def test_sequences_have_neighbours_and_stay_apart(tmp_path):
     assert np.diff(data.times).tolist() == [1] * 5 + [data.times[6] - 5] + [1] * 5
     assert data.times[6] > 1e5
     assert [r.tolist() for r in read(tmp_path, tolerance=0).relevant] == [[i] for i in range(12)]
+
+
+def test_what_is_left_out_is_said(tmp_path, caplog):
+    assert len(read(plain(tmp_path / "plain")).query) == 4
+    assert "left out" not in caplog.text
+    assert len(read(vl_cmu_cd_binary(tmp_path / "vl")).query) == 7
+    assert "63 images and masks are in no pair and left out" in caplog.text  # three turned copies of each of 7 pairs
 
 
 def test_the_other_direction_swaps_map_and_queries(tmp_path):

@@ -36,9 +36,10 @@ BOX = ((10.0, 20.0, 30.0, 50.0), "car")
 
 @pytest.mark.parametrize(
     ("file", "folder"),
-    [("query/01.png", "x"), ("01.png", "x"), ("../query/01.png", "map"), ("01.png", "query"), ("./query/01.png", "")],
+    [("query/01.png", "x"), ("01.png", "x"), ("../query/01.png", "x"), ("../../query/01.png", "x/y"), ("./01.png", "")],
 )
 def test_a_name_is_found_with_and_without_its_folder(base, file, folder):
+    (base / "x" / "y").mkdir(parents=True)
     assert match(base, image(file, BOX, folder=base / folder)) == [[], [[10, 20, 30, 50]]]
 
 
