@@ -21,7 +21,7 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
-from fdslam.config import DATASETS, Checked, Config, Folder, Pairs, register
+from fdslam.config import DATASETS, Checked, Config, register
 from fdslam.errors import InputError
 from fdslam.modes import CONF
 
@@ -33,7 +33,6 @@ FOLDERS = (
     "hydra.run.dir",
     "hydra.sweep.dir",
 )  # keys whose values are folders
-HOLDS = {"folder": "map/ and query/", "pairs": "the image pairs, such as t0/, t1/ and mask/"}  # a data set's root
 FREE_BYTES = 200_000_000  # what a small run writes; a full disk is told at the start rather than in an hour
 
 
@@ -61,17 +60,14 @@ def check_surroundings(config: Config) -> None:
     """Find in the first second what would otherwise end the run late.
 
     Raises:
-        InputError: the data folder is not there or lacks what it should hold, the store cannot be written, the disk is
-            nearly full, or the OBB library names something unknown.
+        InputError: the data set lacks something, the store cannot be written, the disk is nearly full, or the OBB
+            library names something unknown.
     """
+    from fdslam.data import check_dataset
     from fdslam.obb import parse_library
 
     parse_library(config.obb.library)
-    root = getattr(config.dataset, "root", None)
-    if root is not None and not Path(root).expanduser().is_dir():
-        holds = HOLDS.get(config.dataset.kind, "the data")
-        raise InputError(f"dataset.root={root}: no such folder; give the folder that holds {holds}")
-    _check_data(config)
+    check_dataset(config.dataset)
     if not re.fullmatch(r"cpu|cuda(:\d+)?", config.device):
         raise InputError(f"device={config.device}: choose cpu or cuda")
     if config.device != "cpu":
@@ -93,17 +89,6 @@ def check_surroundings(config: Config) -> None:
             f"store={store}: {free / 1e6:.0f} MB free, at least {FREE_BYTES / 1e6:.0f} MB are needed; "
             "free some or choose another disk with store=DIR"
         )
-
-
-def _check_data(config: Config) -> None:
-    """Look at the names of files alone: is there one kind of annotations, and has every image its partner?"""
-    from fdslam.data.annotations import find_annotations
-    from fdslam.data.layouts import find_pairs
-
-    if isinstance(config.dataset, Folder):
-        find_annotations(Path(config.dataset.root).expanduser(), config.dataset.annotations)
-    elif isinstance(config.dataset, Pairs):
-        find_pairs(Path(config.dataset.root).expanduser(), config.dataset.layout)
 
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from fdslam import config
 from fdslam.data.embedded import load_campus
-from fdslam.data.folder import read_folder
-from fdslam.data.pairs import read_pairs
+from fdslam.data.folder import check_folder, read_folder
+from fdslam.data.pairs import check_pairs, read_pairs
 from fdslam.store import Store
 from fdslam.types import Dataset
 
@@ -25,6 +25,13 @@ DATASETS: dict[str, Callable[..., tuple[Dataset, ...]]] = {
     "pairs": _load_pairs,
     "campus": load_campus,
 }
+CHECKS: dict[str, Callable[..., None]] = {"folder": check_folder, "pairs": check_pairs}  # the campus needs nothing
+
+
+def check_dataset(settings: config.Dataset) -> None:
+    """Find in the first second what a data set lacks; raises InputError, in one line that says the way out."""
+    if settings.kind in CHECKS:
+        CHECKS[settings.kind](settings)
 
 
 def load_datasets(settings: config.Dataset, store: Store, workers: int) -> tuple[Dataset, ...]:

@@ -35,6 +35,14 @@ DRIVE_GAP = 1_000_000.0  # in Dataset.times: between drives, so that no k-means 
 _LARGEST_NUMBER = 1e12  # of an index, in metres or radians: far beyond any map, and its square is still a number
 
 
+def check_folder(settings: config.Folder) -> None:
+    """Raise InputError if the folder is not there, or holds two kinds of annotations; no file is opened."""
+    root = Path(settings.root).expanduser()
+    if not root.is_dir():
+        raise InputError(f"dataset.root={settings.root}: no such folder; give the folder that holds map/ and query/")
+    find_annotations(root, settings.annotations)
+
+
 def read_folder(root: str | Path, settings: config.Dataset, name: str | None = None) -> Dataset:
     """Read the data set in folder ``root``; images are measured and hashed, not decoded.
 

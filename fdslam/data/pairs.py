@@ -26,6 +26,16 @@ log = logging.getLogger(__name__)
 _MOST_CHANGED = 0.5  # share of all pixels: beyond it, black and white have been taken for each other
 
 
+def check_pairs(settings: config.Pairs) -> None:
+    """Raise InputError if the folder is not there, or an image or a mask lacks its partner; no file is opened."""
+    root = Path(settings.root).expanduser()
+    if not root.is_dir():
+        raise InputError(
+            f"dataset.root={settings.root}: no such folder; give the folder that holds the pairs, as t0/, t1/ and mask/"
+        )
+    find_pairs(root, settings.layout)
+
+
 def read_pairs(settings: config.Pairs) -> Dataset:
     """Read the pairs in folder ``settings.root``; images are measured and hashed, masks decoded.
 

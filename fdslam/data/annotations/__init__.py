@@ -9,13 +9,15 @@ from fdslam.data.annotations.annotation import AnnotatedImage, Annotation
 from fdslam.data.annotations.coco import coco_json, read_coco
 from fdslam.data.annotations.cvat import read_cvat
 from fdslam.data.annotations.labelme import read_labelme
-from fdslam.data.annotations.matching import locate, match_boxes
+from fdslam.data.annotations.matching import check_size, clipped, locate, match_boxes
 from fdslam.errors import InputError
 
 __all__ = [
     "READERS",
     "AnnotatedImage",
     "Annotation",
+    "check_size",
+    "clipped",
     "coco_json",
     "find_annotations",
     "locate",

@@ -54,8 +54,8 @@ def match_boxes(
         if position in taken:
             raise InputError(f"{image.where}: {image.file!r} is annotated already by {taken[position].where}; keep one")
         taken[position] = image
-        _check_size(frames[position], image)
-        boxes[position] = [_inside(one, frames[position]) for one in counted]
+        check_size(image, frames[position])
+        boxes[position] = [clipped(one, frames[position]) for one in counted]
     return tuple(np.array(found, np.float32).reshape(-1, 4) for found in boxes)
 
 
@@ -76,17 +76,22 @@ def _check_classes(images: Sequence[AnnotatedImage], classes: Sequence[str]) -> 
             raise InputError(f"dataset.classes: nothing is annotated as {name!r}; the annotations have {there}")
 
 
-def _check_size(frame: Frame, image: AnnotatedImage) -> None:
-    if image.size in (None, (frame.width, frame.height)):
-        return
-    assert image.size is not None
-    raise InputError(
-        f"{frame.path}: is {frame.width}×{frame.height} pixels, {image.where} says {image.size[0]}×{image.size[1]}; "
-        "the boxes would not fit: use the image that was annotated"
-    )
+def check_size(image: AnnotatedImage, frame: Frame, way_out: str = "use the image that was annotated") -> None:
+    """Raise InputError if the annotations say another size than the image has."""
+    if image.size is not None and image.size != (frame.width, frame.height):
+        said = "×".join(map(str, image.size))
+        raise InputError(
+            f"{frame.path}: is {frame.width}×{frame.height} pixels, {image.where} says {said}; the boxes would not fit: "
+            f"{way_out}"
+        )
 
 
-def _inside(annotation: Annotation, frame: Frame) -> list[float]:
+def clipped(annotation: Annotation, frame: Frame) -> list[float]:
+    """Return the part of a box that lies inside its image, xyxy in pixels.
+
+    Raises:
+        InputError: less than a pixel of it does.
+    """
     x0, y0, x1, y1 = annotation.xyxy
     box = [max(x0, 0), max(y0, 0), min(x1, frame.width), min(y1, frame.height)]
     if box[2] - box[0] < _SMALLEST_BOX or box[3] - box[1] < _SMALLEST_BOX:
