@@ -17,7 +17,7 @@ def _load_folder(settings: config.Folder, store: Store, workers: int) -> tuple[D
 
 
 def _load_pairs(settings: config.Pairs, store: Store, workers: int) -> tuple[Dataset, ...]:
-    return (read_pairs(settings),)
+    return (read_pairs(settings, workers),)
 
 
 DATASETS: dict[str, Callable[..., tuple[Dataset, ...]]] = {

@@ -142,7 +142,9 @@ def _boxes(base: Path, queries: list[Frame], settings: config.Dataset) -> tuple[
     path = find_annotations(base, getattr(settings, "annotations", ""))
     if path is None:
         return None
-    return match_boxes(read_annotations(path), queries, (base, base / "query"), getattr(settings, "classes", ()))
+    complete = path.is_file()  # LabelMe writes no file for an image without a shape
+    classes = getattr(settings, "classes", ())
+    return match_boxes(read_annotations(path), queries, (base, base / "query"), classes, complete)
 
 
 def _poses(path: Path, rows: list[dict[str, str]] | None) -> NDArray[np.float64] | None:

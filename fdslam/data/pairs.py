@@ -7,6 +7,8 @@ pairs at most ``tolerance`` apart. The boxes of a query are those of the connect
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,7 @@ from fdslam.data.images import SUFFIXES, image_size
 from fdslam.data.layouts import Pair, find_pairs
 from fdslam.data.masks import areas, read_mask
 from fdslam.errors import InputError
-from fdslam.progress import progress
+from fdslam.progress import in_parallel, progress
 from fdslam.store import sha256_file
 from fdslam.types import Dataset, Frame
 
@@ -36,8 +38,8 @@ def check_pairs(settings: config.Pairs) -> None:
     find_pairs(root, settings.layout)
 
 
-def read_pairs(settings: config.Pairs) -> Dataset:
-    """Read the pairs in folder ``settings.root``; images are measured and hashed, masks decoded.
+def read_pairs(settings: config.Pairs, workers: int = 1) -> Dataset:
+    """Read the pairs in folder ``settings.root``; images are measured and hashed, masks decoded, in parallel.
 
     Raises:
         InputError: no pairs, a missing image or mask, one that cannot be read or does not fit, or masks that call most
@@ -48,36 +50,48 @@ def read_pairs(settings: config.Pairs) -> Dataset:
     log.info("%s: %d pairs, layout %s", root, len(pairs), layout)
     if left_out := _left_out(pairs):
         log.warning("%s: %d images and masks are in no pair and left out", root, left_out)
-    forward = settings.direction == "t0_to_t1"
-    maps, queries, boxes, shares = [], [], [], []
-    for pair in progress(pairs, len(pairs), "masks"):
-        mask = pair.mask_t1 if forward else pair.mask_t0
-        if mask is None:
-            raise InputError(
-                f"dataset.direction={settings.direction}: {layout} has masks for t1 alone; choose direction=t0_to_t1"
-            )
-        before, after = (pair.t0, pair.t1) if forward else (pair.t1, pair.t0)
-        maps.append(_frame(root, before))
-        queries.append(_frame(root, after))
-        changed = read_mask(mask, queries[-1], pair.reading if settings.changed == "auto" else settings.changed)
-        boxes.append(areas(changed, settings.min_area))
-        shares.append(changed.mean())
-    if settings.changed == "auto" and np.mean(shares) > _MOST_CHANGED:
+    if settings.direction == "t1_to_t0" and any(pair.mask_t0 is None for pair in pairs):
+        raise InputError(f"dataset.direction=t1_to_t0: {layout} has masks for t1 alone; choose direction=t0_to_t1")
+    jobs = (partial(_read, i, pair, root, settings) for i, pair in enumerate(pairs))
+    found = sorted(progress(in_parallel(jobs, workers), len(pairs), "pairs"), key=lambda one: one.position)
+    changed = np.mean([one.changed for one in found])
+    if settings.changed == "auto" and changed > _MOST_CHANGED:
         raise InputError(
-            f"{root}: read as {layout}, {100 * np.mean(shares):.0f} % of all pixels would have changed; if black means "
+            f"{root}: read as {layout}, {100 * changed:.0f} % of all pixels would have changed; if black means "
             "changed give dataset.changed=black, if it is really so dataset.changed=white"
         )
     places = _positions(pairs)
     return Dataset(
         name=root.resolve().name,
-        map=tuple(maps),
-        query=tuple(queries),
-        boxes=tuple(boxes),
+        map=tuple(one.map for one in found),
+        query=tuple(one.query for one in found),
+        boxes=tuple(one.boxes for one in found),
         relevant=_relevant(places, [pair.sequence is not None for pair in pairs], settings.tolerance),
         labels=None,
         poses=None,
         times=places,
     )
+
+
+@dataclass(frozen=True)
+class _Read:
+    """One pair, read."""
+
+    position: int  # in the set
+    map: Frame
+    query: Frame
+    boxes: NDArray[np.float32]  # [n, 4] xyxy, pixels of the query
+    changed: float  # share of the query's pixels
+
+
+def _read(position: int, pair: Pair, root: Path, settings: config.Pairs) -> _Read:
+    before, after, mask = pair.t0, pair.t1, pair.mask_t1
+    if settings.direction == "t1_to_t0":
+        before, after, mask = pair.t1, pair.t0, pair.mask_t0
+    assert mask is not None  # by read_pairs
+    known, query = _frame(root, before), _frame(root, after)
+    changed = read_mask(mask, query, pair.reading if settings.changed == "auto" else settings.changed)
+    return _Read(position, known, query, areas(changed, settings.min_area), float(changed.mean()))
 
 
 def _left_out(pairs: list[Pair]) -> int:

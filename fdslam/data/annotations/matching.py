@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,11 +15,16 @@ from fdslam.data.images import is_file
 from fdslam.errors import InputError
 from fdslam.types import Frame
 
+log = logging.getLogger(__name__)
 _SMALLEST_BOX = 1.0  # pixels inside the image
 
 
 def match_boxes(
-    images: Sequence[AnnotatedImage], frames: Sequence[Frame], roots: Sequence[Path], classes: Sequence[str] = ()
+    images: Sequence[AnnotatedImage],
+    frames: Sequence[Frame],
+    roots: Sequence[Path],
+    classes: Sequence[str] = (),
+    complete: bool = False,
 ) -> tuple[NDArray[np.float32], ...]:
     """Return for every frame the boxes annotated on it; a frame without an annotation shows no change.
 
@@ -28,6 +34,7 @@ def match_boxes(
         roots: folders that the names of the images may be relative to, the first that has such a file wins; the folder
             of the annotations is tried last.
         classes: labels that count as a change; none: all.
+        complete: the annotations list the images without a box too, so that a frame that they lack is worth a warning.
 
     Returns:
         float32 [n, 4] xyxy per frame, clipped to it.
@@ -56,6 +63,12 @@ def match_boxes(
         taken[position] = image
         check_size(image, frames[position])
         boxes[position] = [clipped(one, frames[position]) for one in counted]
+    if complete and len(taken) < len(frames):
+        lacking = next(frame.name for position, frame in enumerate(frames) if position not in taken)
+        log.warning(
+            "%d of %d queries are not in the annotations and count as unchanged: %s …",
+            len(frames) - len(taken), len(frames), lacking,
+        )  # fmt: skip
     return tuple(np.array(found, np.float32).reshape(-1, 4) for found in boxes)
 
 
@@ -79,10 +92,10 @@ def _check_classes(images: Sequence[AnnotatedImage], classes: Sequence[str]) -> 
 def check_size(image: AnnotatedImage, frame: Frame, way_out: str = "use the image that was annotated") -> None:
     """Raise InputError if the annotations say another size than the image has."""
     if image.size is not None and image.size != (frame.width, frame.height):
-        said = "×".join(map(str, image.size))
+        width, height = image.size
         raise InputError(
-            f"{frame.path}: is {frame.width}×{frame.height} pixels, {image.where} says {said}; the boxes would not fit: "
-            f"{way_out}"
+            f"{frame.path}: is {frame.width}×{frame.height} pixels, {image.where} says {width}×{height}; "
+            f"the boxes would not fit: {way_out}"
         )
 
 

@@ -55,6 +55,13 @@ def test_a_name_that_is_not_there_is_an_error_where_something_is_annotated(base)
             match(base, image(name, BOX, folder=base))
 
 
+def test_a_query_that_a_complete_list_lacks_is_said(base, caplog):
+    images = [image("00.png", BOX, folder=base)]
+    for complete, said in ((False, False), (True, True)):
+        assert len(match_boxes(images, frames(base), (base / "query",), complete=complete)) == 2
+        assert ("1 of 2 queries are not in the annotations and count as unchanged: query/01.png" in caplog.text) is said
+
+
 def test_two_annotations_of_one_image_are_named(base):
     with pytest.raises(
         InputError, match=r"a\.xml of 01\.png: '01\.png' is annotated already by a\.xml of query/01\.png"
