@@ -11,7 +11,7 @@ the sets' own loaders, or the loaders of published work on them, read; no copy o
   ``[TSUNAMI|GSV/]{t0,t1}/NNNNNNNN.jpg`` and ``ground_truth/NNNNNNNN.bmp``, where black has changed, or
   ``mask/NNNNNNNN.png``, converted from them (github.com/kensakurada/sscdnet, README), where white has.
 - ``pscd``       PSCD (Sakurada et al., ICRA 2020), panoramas: ``{t0,t1,mask_t0,mask_t1}/NAME.png``, one mask for each
-  image; anything but 0 has changed.
+  image; anything but 0 has changed (as loaders of work after arXiv:2409.16850 read it).
 - ``changesim``  ChangeSim (Park et al., IROS 2021), sequences through a warehouse:
   ``…/SEQUENCE/{rgb,t0/rgb,change_segmentation}/N.png``, in five colours (github.com/SAMMiCA/ChangeSim,
   script/dataloader.py).
