@@ -13,7 +13,7 @@ from typing import ClassVar
 from hydra.core.config_store import ConfigStore
 
 from fdslam.config.bow import Bow, Orb, Retrieval, Vocabulary
-from fdslam.config.dataset import DATASETS, Campus, Dataset, Folder, Pairs, Rendering
+from fdslam.config.dataset import DATASETS, Campus, Dataset, Folder, Nclt, Pairs, Rendering
 from fdslam.config.options import Checked, option, part
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "Keypoints",
     "Mask",
     "Mix",
+    "Nclt",
     "Obb",
     "Orb",
     "Pairs",

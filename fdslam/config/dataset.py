@@ -72,4 +72,21 @@ class Campus(Rendering, Dataset):
     kind: str = option("campus", "this data set", choices=("campus",))
 
 
-DATASETS = (Folder, Pairs, Campus)  # the options of the group `dataset`
+@dataclass
+class Nclt(Dataset):
+    """NCLT as it lies on disk: sessions named by their dates, raw images of a Ladybug3 (docs/nclt.md)."""
+
+    kind: str = option("nclt", "this data set", choices=("nclt",))
+    root: str = MISSING
+    query: str = option("all", "query session: a date, WI, SP, SU, AU, or all of `sessions`")
+    map: str = option("all", "map session, likewise; all ordered pairs of different sessions are run")
+    sessions: list[str] = option(["2012-01-22", "2012-03-31", "2012-08-04", "2012-11-17"], "what `all` means")
+    camera: str = option("Cam5", "of the Ladybug3; Cam5 looks ahead", choices=tuple(f"Cam{i}" for i in range(6)))
+    undistort: bool = option(False, "undistort with U2D_CamN_1616X1232.txt before turning upright")
+    every: float = option(5.0, "least distance between images that are kept, metres; 0: any", low=0)
+    seconds: float = option(0.0, "least time between images that are kept, seconds; 0: any", low=0)
+    gap: float = option(1.0, "largest gap between two poses that is bridged, seconds", low=0, high=1e6)
+    annotations: str = option("annotations", "folder of <query date>_<map date>.json, COCO; relative to `root`")
+
+
+DATASETS = (Folder, Pairs, Campus, Nclt)  # the options of the group `dataset`

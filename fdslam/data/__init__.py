@@ -7,6 +7,7 @@ from collections.abc import Callable
 from fdslam import config
 from fdslam.data.embedded import load_campus
 from fdslam.data.folder import check_folder, read_folder
+from fdslam.data.nclt import check_nclt, load_nclt
 from fdslam.data.pairs import check_pairs, read_pairs
 from fdslam.store import Store
 from fdslam.types import Dataset
@@ -24,8 +25,9 @@ DATASETS: dict[str, Callable[..., tuple[Dataset, ...]]] = {
     "folder": _load_folder,
     "pairs": _load_pairs,
     "campus": load_campus,
+    "nclt": load_nclt,
 }
-CHECKS: dict[str, Callable[..., None]] = {"folder": check_folder, "pairs": check_pairs}  # the campus needs nothing
+CHECKS: dict[str, Callable[..., None]] = {"folder": check_folder, "pairs": check_pairs, "nclt": check_nclt}
 
 
 def check_dataset(settings: config.Dataset) -> None:

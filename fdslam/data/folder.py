@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from fdslam import config
 from fdslam.data.annotations import find_annotations, match_boxes, read_annotations
 from fdslam.data.images import SUFFIXES, image_size, is_file
+from fdslam.data.relevance import nearest_first, places_by_pose
 from fdslam.errors import InputError
 from fdslam.store import sha256_file
 from fdslam.types import Dataset, Frame
@@ -170,18 +171,13 @@ def _relevant(
         return None
     map_poses, query_poses = _poses(base / "map.csv", map_rows), _poses(base / "pairs.csv", pair_rows)
     if map_poses is not None and query_poses is not None:
-        distance = np.linalg.norm(query_poses[:, None, :2] - map_poses[None, :, :2], axis=2)
-        turn = np.abs((query_poses[:, None, 2] - map_poses[None, :, 2] + np.pi) % (2 * np.pi) - np.pi)
-        near = (distance <= settings.radius) & (np.degrees(turn) <= settings.angle)
-    else:
-        map_index = _column(base / "map.csv", map_rows, "index")
-        query_index = _column(base / "pairs.csv", pair_rows, "query_index")
-        same = np.array([[m["drive"] == q["drive"] for m in map_rows] for q in pair_rows])
-        distance = np.abs(query_index[:, None] - map_index[None])
-        near = same & (distance <= settings.tolerance)
-    return tuple(
-        np.flatnonzero(n)[np.argsort(d[n], kind="stable")].astype(np.int64) for n, d in zip(near, distance, strict=True)
-    )
+        return places_by_pose(query_poses, map_poses, settings.radius, settings.angle)
+    map_index = _column(base / "map.csv", map_rows, "index")
+    query_index = _column(base / "pairs.csv", pair_rows, "query_index")
+    same = np.array([[m["drive"] == q["drive"] for m in map_rows] for q in pair_rows])
+    distance = np.abs(query_index[:, None] - map_index[None])
+    near = same & (distance <= settings.tolerance)
+    return tuple(nearest_first(n, d) for n, d in zip(near, distance, strict=True))
 
 
 def _labels(base: Path, queries: list[Frame]) -> tuple[Path | None, ...] | None:

@@ -1,0 +1,84 @@
+"""The changed objects of a (query, map) pair of sessions, and which images are its queries.
+
+``annotations/QUERY-DATE_MAP-DATE.json`` is COCO. Its ``images`` are the queries of the pair: those with an annotation
+show change, those without are distractors. A ``file_name`` ends in ``UTIME.tiff``, or in UTIME and the suffix of
+whatever copy was annotated; the folders before it may be left out, and a date or a camera among them must be the right
+one.
+Boxes are in pixels of the upright image.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fdslam.data.coco import Coco, check_size, clipped_box, read_coco
+from fdslam.data.nclt.layout import Session
+from fdslam.errors import InputError
+from fdslam.types import Frame
+
+_DATE, _CAMERA = re.compile(r"\d{4}-\d{2}-\d{2}"), re.compile(r"Cam\d")
+
+
+@dataclass(frozen=True)
+class Annotated:
+    """The queries of a pair, and what is said of them."""
+
+    coco: Coco
+    positions: dict[str, int]  # image id of COCO -> position in the query session
+
+
+def read_annotated(folder: Path, session: Session, map_date: str) -> Annotated | None:
+    """Return what is annotated for a query session against a map session, None if there is no such file.
+
+    Raises:
+        InputError: no COCO file, no image in it, an image that the query session does not have.
+    """
+    path = folder / f"{session.date}_{map_date}.json"
+    if not path.is_file():
+        return None
+    coco = read_coco(path)
+    if not coco.files:
+        raise InputError(f"{path}: lists no image; list the queries under images, or remove the file")
+    return Annotated(coco, {key: _position(path, file, session) for key, file in coco.files.items()})
+
+
+def _position(path: Path, file: str, session: Session) -> int:
+    name = PurePosixPath(file)
+    dates = {date for part in name.parts[:-1] for date in _DATE.findall(part)}
+    cameras = {part for part in name.parts[:-1] if _CAMERA.fullmatch(part)}
+    utime = int(name.stem) if re.fullmatch(r"\d{1,18}", name.stem) else -1
+    position = int(np.searchsorted(session.utimes, utime))
+    there = position < len(session.utimes) and session.utimes[position] == utime
+    if not there or not dates <= {session.date} or not cameras <= {session.camera}:
+        raise InputError(
+            f"{path}: lists {file[:200]!r}, which is no image of {session.date} in {session.folder}; "
+            "give the annotations of this query session, with names as they are there"
+        )
+    return position
+
+
+def boxes_of(annotated: Annotated, frames: Mapping[int, Frame]) -> tuple[NDArray[np.float32], ...]:
+    """Return the boxes of the queries, float32 [n, 4] xyxy each, in the order of ``frames``.
+
+    Args:
+        annotated: what the file says.
+        frames: position in the query session -> upright query; what is annotated elsewhere is left out.
+
+    Raises:
+        InputError: a size that is not the upright image's, a box that is none or outside its image.
+    """
+    found: dict[int, list[list[float]]] = {position: [] for position in frames}
+    for key, position in annotated.positions.items():
+        if position in frames:
+            check_size(annotated.coco, key, frames[position], "annotate the upright image, which this one is")
+    for key, bbox, identity in annotated.coco.annotations:
+        position = annotated.positions[key]
+        if position in frames:
+            found[position].append(clipped_box(annotated.coco, identity, bbox, frames[position]))
+    return tuple(np.array(boxes, np.float32).reshape(-1, 4) for boxes in found.values())
