@@ -6,7 +6,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from fdslam.config import METHODS, Bow, Campus, Config, Evaluation, Folder, Orb, part, register
+from fdslam.config import METHODS, Bow, Campus, Config, Evaluation, Folder, Nclt, Orb, part, register
 from fdslam.errors import InputError
 from fdslam.run import CONF, to_config
 
@@ -24,12 +24,19 @@ def test_the_experiments_that_were_asked_for_exist():
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS)
-@pytest.mark.parametrize("data", [[], ["dataset=folder", "dataset.root=/data"]])
-def test_every_experiment_composes(experiment, data):
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        (Campus, []),
+        (Folder, ["dataset=folder", "dataset.root=/data"]),
+        (Nclt, ["dataset=nclt", "dataset.root=/data", "dataset.query=2012-01-22", "dataset.sessions=[WI,2013-01-10]"]),
+    ],
+)
+def test_every_experiment_composes(experiment, kind, data):
     config = composed(f"+experiment={experiment}", *data)
     assert config.name == experiment
     assert config.mix.rows
-    assert isinstance(config.dataset, Folder if data else Campus)
+    assert isinstance(config.dataset, kind)
 
 
 def options():
@@ -39,8 +46,14 @@ def options():
 
 @pytest.mark.parametrize("option", options())
 def test_every_option_of_every_group_composes(option):
-    extra = ["dataset.root=/data"] if option in ("dataset=folder", "dataset=pairs") else []
+    extra = [] if option == "dataset=campus" or not option.startswith("dataset=") else ["dataset.root=/data"]
     assert composed(option, *extra).mix.rows
+
+
+def test_a_session_of_nclt_is_a_word_and_not_a_date():
+    data = composed("dataset=nclt", "dataset.root=/data", "dataset.map=2012-01-22", "dataset.camera=Cam0").dataset
+    assert (data.query, data.map, data.camera) == ("all", "2012-01-22", "Cam0")
+    assert len(data.sessions) == 4
 
 
 def test_table1_has_the_six_rows_of_the_paper():

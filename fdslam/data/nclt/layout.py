@@ -147,9 +147,10 @@ def table_file(root: Path, camera: str) -> Path:
     for place in _TABLES:
         if (path := root / place / name).is_file():
             return path
+    to = shlex.quote(str(root))
     raise InputError(
         f"{root / name}: no such file; it comes in NCLT's ladybug3_calib/U2D_ALL_1616X1232.tar.gz: fetch it with "
-        f"python -m fdslam.fetch nclt --undistortion --camera {camera} --to {shlex.quote(str(root))}, or run with dataset.undistort=false"
+        f"python -m fdslam.fetch nclt --undistortion --camera {camera} --to {to}, or run with dataset.undistort=false"
     )
 
 

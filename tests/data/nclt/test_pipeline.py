@@ -1,0 +1,85 @@
+"""The whole way on NCLT: the oracle is the same images, turned upright beforehand, as a folder."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from experiments.table1.campus_as_nclt import SESSIONS, utime, write_campus
+from fdslam.config import Campus, Mix, Nclt
+from fdslam.data import load_datasets
+from fdslam.data.images import read_image
+from fdslam.pipeline import run
+from fdslam.provenance import Stopwatch
+from fdslam.report.tables import table_csv
+from fdslam.store import Store
+from fdslam.types import Dataset
+from tests.data.worlds import write_csv
+from tests.test_pipeline import config_for, folder, table
+
+SETTINGS = Campus(map_images=8, query_images=6, width=154, height=202)
+LOOK = {"query": "AU", "map": "SU", "every": 0.0}
+
+
+def as_folder(root: Path, data: Dataset, raw: Path) -> Path:
+    """Lay ``data`` out as a folder, each image under its name in NCLT: names seed what is random."""
+    rows = {}
+    for session, frames in (("map", data.map), ("query", data.query)):
+        (root / session).mkdir(parents=True)
+        for frame in frames:
+            (root / frame.name).parent.mkdir(parents=True, exist_ok=True)
+            Image.fromarray(np.rot90(read_image(raw / frame.name), -1).copy()).save(root / frame.name)
+        poses = (raw / "ground_truth" / f"groundtruth_{SESSIONS[session]}.csv").read_text().splitlines()
+        cells = [line.split(",") for line in poses]
+        rows[session] = [[frames[i].name, "d", i, c[1], c[2], c[6]] for i, c in enumerate(cells)]
+    write_csv(root / "map.csv", ["map_file", "drive", "index", "x", "y", "heading"], rows["map"])
+    write_csv(root / "pairs.csv", ["query_file", "drive", "query_index", "x", "y", "heading"], rows["query"])
+    coco = raw / "annotations" / f"{SESSIONS['query']}_{SESSIONS['map']}.json"
+    (root / "annotations.json").write_text(coco.read_text())
+    return root
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A campus as NCLT: its folder, the configuration of a run on it, and what that found."""
+    raw, store = tmp_path_factory.mktemp("raw"), tmp_path_factory.mktemp("store")
+    write_campus(raw, SETTINGS)
+    config = config_for(Nclt(root=str(raw), **LOOK), store)
+    return raw, config, run(config, Stopwatch())
+
+
+def test_the_same_table_as_from_a_folder_of_upright_images(made, tmp_path):
+    raw, config, outcome = made
+    assert sum(map(len, outcome.dataset.boxes)) > 0
+    plain = as_folder(tmp_path / "folder", outcome.dataset, raw)
+    assert table_csv(outcome, config) == table(config_for(folder(plain), tmp_path / "store"))
+    assert table(replace(config, workers=1)) == table_csv(outcome, config)  # from the store
+
+
+def test_the_campus_as_nclt_is_the_campus(made):
+    _, config, ours = made
+    campus = run(replace(config, dataset=SETTINGS, mix=Mix(rows=["FD", "PC"])), Stopwatch())
+    for a, b in ((ours.dataset.boxes, campus.dataset.boxes), (ours.dataset.relevant, campus.dataset.relevant)):
+        assert [x.tolist() for x in a] == [x.tolist() for x in b]
+    assert ours.dataset.times.tolist() == campus.dataset.times.tolist()
+    np.testing.assert_allclose(ours.dataset.poses, campus.dataset.poses, atol=1e-12)
+    for a, b in zip(ours.dataset.map + ours.dataset.query, campus.dataset.map + campus.dataset.query, strict=True):
+        np.testing.assert_array_equal(read_image(a.path), read_image(b.path))
+    for method in ("FD", "PC"):
+        for a, b in zip(ours.maps[method], campus.maps[method], strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_an_image_that_changes_is_seen(tmp_path):
+    """A store that trusts size and date must not go on with the old image."""
+    write_campus(tmp_path / "raw", replace(SETTINGS, map_images=3, query_images=2))
+    settings, store = Nclt(root=str(tmp_path / "raw"), **LOOK), Store(tmp_path / "store")
+    [before] = load_datasets(settings, store, 1)
+    path = tmp_path / "raw" / SESSIONS["map"] / "lb3" / "Cam5" / f"{utime(SESSIONS['map'], 1)}.tiff"
+    Image.fromarray(np.rot90(read_image(before.map[0].path)).copy()).save(path)
+    [after] = load_datasets(settings, store, 1)
+    assert after.map[1].digest == before.map[0].digest != before.map[1].digest
+    assert json.dumps([f.digest for f in after.query]) == json.dumps([f.digest for f in before.query])
