@@ -17,7 +17,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from fdslam.data.images import LIBRARIES, read_image
+from fdslam.data.images import LIBRARIES, image_size, read_image
 from fdslam.data.ledger import remembered_digest
 from fdslam.data.nclt.undistortion import Undistortion, read_undistortion
 from fdslam.errors import InputError
@@ -97,13 +97,14 @@ def _frame(name: str, png: Path, record: Arrays) -> Frame:
 
 
 def _check_room(missing: list[_Missing], store: Store) -> None:
-    needed = sum(one.raw.stat().st_size for one in missing)
+    height, width = image_size(missing[0].raw)  # one camera's images are all of one size
+    needed = 3 * height * width * len(missing)
     store.root.mkdir(parents=True, exist_ok=True)
     free = shutil.disk_usage(store.root).free
     if free < needed:
         raise InputError(
-            f"store={store.root}: {len(missing)} upright images may take {needed / 1e9:.1f} GB, "
-            f"{free / 1e9:.1f} GB are free; choose another disk with store=DIR or fewer images with dataset.every"
+            f"store={store.root}: {len(missing)} upright images may take up to {needed / 1e9:.2g} GB, "
+            f"{free / 1e9:.2g} GB are free; choose another disk with store=DIR or fewer images with dataset.every"
         )
 
 

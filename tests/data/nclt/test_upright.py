@@ -37,6 +37,18 @@ def test_images_are_turned_clockwise_without_loss(raw, tmp_path):
         np.testing.assert_array_equal(read_image(frame.path), np.rot90(read_image(raw[name]), -1))
 
 
+@pytest.mark.filterwarnings("ignore:Truncated File Read")
+@pytest.mark.parametrize("compression", ["tiff_lzw", "tiff_adobe_deflate", "packbits", "jpeg"])
+def test_compressed_images_are_read_and_torn_ones_refused(tmp_path, compression):
+    path = tmp_path / "5.tiff"
+    Image.fromarray(texture(0)).save(path, compression=compression)
+    [frame] = make_upright({"a": path}, None, Store(tmp_path / "store"), 1).values()
+    np.testing.assert_array_equal(read_image(frame.path), np.rot90(np.array(Image.open(path)), -1))
+    path.write_bytes(path.read_bytes()[:-4000])
+    with pytest.raises(InputError, match=r"5\.tiff: (damaged|not an) image"):
+        make_upright({"a": path}, None, Store(tmp_path / "store"), 1)
+
+
 def test_a_second_time_nothing_is_made_or_hashed(raw, tmp_path, monkeypatch):
     monkeypatch.setattr(ledger, "SETTLED", -1)
     store = Store(tmp_path / "store")
@@ -89,7 +101,7 @@ def test_a_half_written_image_is_refused_by_name_and_the_others_are_kept(raw, tm
 
 def test_no_room_is_told_before_the_work(raw, tmp_path, monkeypatch):
     monkeypatch.setattr(upright.shutil, "disk_usage", lambda _: type("Usage", (), {"free": 1000}))
-    with pytest.raises(InputError, match=r"4 upright images may take 0\.0 GB.*store=DIR"):
+    with pytest.raises(InputError, match=r"4 upright images may take up to 0\.00023 GB, 1e-06 GB are free.*store=DIR"):
         make_upright(raw, None, Store(tmp_path / "store"), 1)
 
 
