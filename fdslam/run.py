@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 import sys
+import warnings
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -185,6 +186,7 @@ def main() -> None:
     """Run the command line; exits with 0, 2 (something the user can mend) or 130 (interrupted)."""
     # Otherwise Hydra prints errors itself, over several lines, and exits with 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
+    warnings.filterwarnings("ignore", module="PIL")  # of a torn file, just before the error that names it
     register()
     sys.argv = quote_paths(sys.argv)
     try:

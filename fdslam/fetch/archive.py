@@ -11,10 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from tqdm import tqdm
-
 from fdslam.errors import InputError
 from fdslam.fetch.download import CHUNK, disk_errors
+from fdslam.fetch.meter import Meter
 
 MOST_BYTES = 200_000_000  # of one file: far more than any image or table of the archives
 
@@ -38,12 +37,12 @@ def extract(archive: Path, wanted: Callable[[str], Path | None]) -> int:
     with (
         _broken_is_said(archive),
         archive.open("rb") as raw,
-        tqdm(total=archive.stat().st_size, unit="B", unit_scale=True, desc="unpacking", disable=None) as bar,
+        Meter(f"unpacking {archive.name}", archive.stat().st_size) as meter,
         gzip.GzipFile(fileobj=raw) as stream,
     ):
         with tarfile.open(fileobj=stream, mode="r|") as tar:
             for member in tar:
-                bar.update(raw.tell() - bar.n)
+                meter.show(raw.tell())
                 target = wanted(_safe(archive, member))
                 if target is None:
                     continue

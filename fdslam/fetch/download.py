@@ -10,7 +10,6 @@ import http.client
 import os
 import re
 import shutil
-import sys
 import time
 import urllib.error
 import urllib.request
@@ -19,9 +18,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from tqdm import tqdm
-
 from fdslam.errors import InputError
+from fdslam.fetch.meter import Meter, readable, say
 
 CHUNK = 1 << 20  # bytes
 TIMEOUT = 60.0  # seconds without a byte
@@ -40,20 +38,6 @@ class Remote:
 
     url: str
     size: int  # bytes
-
-
-def say(line: str) -> None:
-    """Tell the user something, on standard error."""
-    print(line, file=sys.stderr, flush=True)
-
-
-def readable(count: float) -> str:
-    """Return a number of bytes for people."""
-    for unit in ("B", "kB", "MB"):
-        if count < 1000:
-            return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
-        count /= 1000
-    return f"{count:.1f} GB"
 
 
 def partial_path(target: Path) -> Path:
@@ -148,11 +132,9 @@ def download(remote: Remote, target: Path) -> None:
             say(f"{partial}: longer than the file on the server; begun anew")
             os.truncate(partial, 0)
     failures = 0
-    with tqdm(total=remote.size, unit="B", unit_scale=True, desc=target.name, disable=None, dynamic_ncols=True) as bar:
+    with Meter(target.name, remote.size) as meter:
         while (have := partial.stat().st_size) < remote.size:
-            bar.n = have
-            bar.refresh()
-            error = _receive(remote, partial, have, bar)
+            error = _receive(remote, partial, have, meter)
             failures = 0 if partial.stat().st_size > have else failures + 1
             if partial.stat().st_size < remote.size:
                 _wait(remote, partial, failures, error)
@@ -174,14 +156,14 @@ def _wait(remote: Remote, partial: Path, failures: int, error: str) -> None:
     time.sleep(pause)
 
 
-def _receive(remote: Remote, partial: Path, have: int, bar: tqdm) -> str:
+def _receive(remote: Remote, partial: Path, have: int, meter: Meter) -> str:
     """Append what one connection gives; return why it ended early, where it did."""
     try:
         with _open(remote.url, "GET", have) as response, disk_errors(partial), partial.open("r+b") as file:
             if have and response.status != http.client.PARTIAL_CONTENT:
                 say(f"{partial.name}: the server cannot go on where it broke off; begun anew")
                 file.truncate(0)
-                have = bar.n = 0
+                have = 0
             elif have:
                 _check_range(remote, response, have)
             file.seek(have)
@@ -189,7 +171,7 @@ def _receive(remote: Remote, partial: Path, have: int, bar: tqdm) -> str:
             while left and (data := _read(response, min(CHUNK, left))):
                 file.write(data)
                 left -= len(data)
-                bar.update(len(data))
+                meter.show(remote.size - left)
             file.flush()
             os.fsync(file.fileno())
     except (ConnectionError, TimeoutError, http.client.HTTPException) as error:

@@ -13,7 +13,8 @@ from pathlib import Path
 from fdslam.data.nclt.sessions import SEASONS, session_date
 from fdslam.errors import InputError
 from fdslam.fetch.archive import extract
-from fdslam.fetch.download import Remote, Unreachable, arrived, check_room, download, probe, readable, say
+from fdslam.fetch.download import Remote, Unreachable, arrived, check_room, download, probe
+from fdslam.fetch.meter import readable, say
 from fdslam.store import write_atomically
 
 SUMMARY = "NCLT: images of one camera, and poses, of the sessions named (about 100 GB to download for each)"
@@ -40,12 +41,16 @@ class Item:
     done: str = ""  # the note that says that it was unpacked to the end
 
 
+def _folder(text: str) -> Path:
+    return Path(text).expanduser()
+
+
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of NCLT to a command."""
     parser.add_argument(
         "--session", action="append", default=[], metavar="DATE", help=f"as 2012-01-22, or {', '.join(SEASONS)}; repeat"
     )
-    parser.add_argument("--to", required=True, type=Path, metavar="DIR", help="dataset.root of a run")
+    parser.add_argument("--to", required=True, type=_folder, metavar="DIR", help="dataset.root of a run")
     parser.add_argument("--camera", default="Cam5", choices=CAMERAS, help="the one to unpack; Cam5 looks ahead")
     parser.add_argument("--undistortion", action="store_true", help="also the table for dataset.undistort=true")
     parser.add_argument("--keep", action="store_true", help="keep the archives, which hold all cameras, once unpacked")

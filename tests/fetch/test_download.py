@@ -8,7 +8,7 @@ import pytest
 
 from fdslam.errors import InputError
 from fdslam.fetch import download as module
-from fdslam.fetch.download import Remote, Unreachable, arrived, check_room, download, partial_path, probe, readable
+from fdslam.fetch.download import Remote, Unreachable, arrived, check_room, download, partial_path, probe
 from tests.fetch.server import free_port, serving
 
 DATA = np.random.default_rng(0).bytes(40_000)
@@ -173,7 +173,3 @@ def test_too_little_room_is_told_before(tmp_path):
         check_room(tmp_path / "new", 10**15)
     with pytest.raises(InputError, match="cannot be written"):
         check_room(module.Path("/proc/new"), 1)
-
-
-def test_bytes_for_people():
-    assert [readable(n) for n in (0, 999, 1000, 2_500_000, 101e9)] == ["0 B", "999 B", "1.0 kB", "2.5 MB", "101.0 GB"]

@@ -12,6 +12,7 @@ from fdslam.config import Nclt
 from fdslam.data import load_datasets
 from fdslam.fetch import __main__ as command
 from fdslam.fetch import download, nclt
+from fdslam.fetch.meter import readable
 from fdslam.store import Store
 from tests.data.nclt.made_up import MAP, QUERY, shots
 from tests.fetch.server import free_port, serving
@@ -68,7 +69,7 @@ def gets(server):
 def test_what_was_fetched_is_a_data_set(run, tmp_path, published):
     status, said = run("--session", "SU", "--session", QUERY, "--yes")
     assert status == 0
-    size = download.readable(len(published[f"/images/{MAP}_lb3.tar.gz"]))
+    size = readable(len(published[f"/images/{MAP}_lb3.tar.gz"]))
     for words in (
         size,
         "Open Database License",

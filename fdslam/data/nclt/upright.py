@@ -26,7 +26,6 @@ from fdslam.store import Arrays, Key, Stage, Store, write_atomically
 from fdslam.types import Frame, Image
 
 UPRIGHT = Stage("upright", ("fdslam.data.nclt.upright",), LIBRARIES)
-_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)  # photographs hardly get smaller by more, and it takes several times as long
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ def _check_room(missing: list[_Missing], store: Store) -> None:
 
 def _make(one: _Missing, undistortion: Undistortion | None, store: Store) -> Frame:
     image = turn_upright(read_image(one.raw), one.raw, undistortion)
-    png = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), _PNG)[1].tobytes()
+    png = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1].tobytes()
     write_atomically(one.png, png)
     record = {"sha256": np.frombuffer(hashlib.sha256(png).digest(), np.uint8), "size": np.array(image.shape[:2])}
     store.put(UPRIGHT, one.key, record)
