@@ -10,7 +10,7 @@ class Server:
 
     def __init__(self, files):
         self.files = files  # path -> bytes
-        self.ranges = True  # whether a rest can be asked for
+        self.whole = 0  # how many of the next answers to GET are the whole file although a rest was asked for
         self.cuts = []  # after how many bytes the next answers to GET hang up
         self.statuses = []  # of the next answers to GET, instead of the file
         self.asked = []  # (method, path, Range)
@@ -36,7 +36,9 @@ def serving(files):
                 return self.send_error(state.statuses.pop(0))
             if data is None:
                 return self.send_error(404)
-            start = int(wanted.removeprefix("bytes=").rstrip("-")) if wanted and state.ranges else 0
+            start = int(wanted.removeprefix("bytes=").rstrip("-")) if wanted else 0
+            if start and state.whole:
+                start, state.whole = 0, state.whole - 1
             self.send_response(206 if start else 200)
             if start:
                 self.send_header("Content-Range", f"bytes {start}-{len(data) - 1}/{len(data)}")

@@ -57,9 +57,22 @@ def test_what_an_earlier_process_got_is_used(server, target):
 
 
 def test_a_server_that_cannot_go_on_begins_anew(server, target, capsys):
-    server.ranges, server.cuts = False, [15_000]
+    server.whole, server.cuts = 99, [15_000]
     assert fetch(server, target) == DATA
     assert "the server cannot go on where it broke off; begun anew" in capsys.readouterr().err
+
+
+def test_what_was_begun_anew_holds_nothing_of_before(server, target):
+    target.parent.mkdir()
+    partial_path(target).write_bytes(bytes(15_000))  # of another file, and the server serves a rest only later
+    server.whole, server.cuts = 1, [10_000]
+    assert fetch(server, target) == DATA
+    assert gets(server) == ["bytes=15000-", "bytes=10000-"]
+
+
+def test_a_connection_that_breaks_often_gets_there(server, target):
+    server.cuts = [5000] * 7
+    assert fetch(server, target) == DATA
 
 
 def test_a_partial_file_that_is_too_long_is_begun_anew(server, target):

@@ -1,10 +1,9 @@
 """The changed objects of a (query, map) pair of sessions, and which images are its queries.
 
 ``annotations/QUERY-DATE_MAP-DATE.json`` is COCO. Its ``images`` are the queries of the pair: those with an annotation
-show change, those without are distractors. A ``file_name`` ends in ``UTIME.tiff``, or in UTIME and the suffix of
-whatever copy was annotated; the folders before it may be left out, and a date or a camera among them must be the right
-one.
-Boxes are in pixels of the upright image.
+show change, those without are distractors. A ``file_name`` ends in ``UTIME.tiff``, or in the name of the upright image in
+the store, ``UTIME-KEY.png``; the folders before it may be left out, and a date or a camera among them must be the right
+one. Boxes are in pixels of the upright image.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ from fdslam.errors import InputError
 from fdslam.types import Frame
 
 _DATE, _CAMERA = re.compile(r"\d{4}-\d{2}-\d{2}"), re.compile(r"Cam\d")
+_STEM = re.compile(r"(\d{1,18})(?:-[0-9a-f]+)?")  # the second part: of an upright image in the store
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,8 @@ def _position(path: Path, file: str, session: Session) -> int:
     name = PurePosixPath(file)
     dates = {date for part in name.parts[:-1] for date in _DATE.findall(part)}
     cameras = {part for part in name.parts[:-1] if _CAMERA.fullmatch(part)}
-    utime = int(name.stem) if re.fullmatch(r"\d{1,18}", name.stem) else -1
+    match = _STEM.fullmatch(name.stem)
+    utime = int(match[1]) if match else -1
     position = int(np.searchsorted(session.utimes, utime))
     there = position < len(session.utimes) and session.utimes[position] == utime
     if not there or not dates <= {session.date} or not cameras <= {session.camera}:

@@ -2,7 +2,8 @@
 
 The cameras stand on their side, so every reader would have to turn what it reads. Instead the upright image is made
 once, without loss, and kept as a PNG in the store: a frame's path is always what is to be seen, by detectors and by a
-person who draws boxes alike. The file is addressed by the raw image's content and by the undistortion.
+person who draws boxes alike. Its file is named after the raw image, so that a person finds it, and after a key made of
+the raw image's content and of the undistortion, so that it never is another image's.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from fdslam.progress import in_parallel, progress
 from fdslam.store import Arrays, Key, Stage, Store, write_atomically
 from fdslam.types import Frame, Image
 
+_SHOWN = 16  # hex digits of the key in the name of a PNG
 UPRIGHT = Stage("upright", ("fdslam.data.nclt.upright",), LIBRARIES)
 
 
@@ -83,7 +85,7 @@ def _look(name: str, raw: Path, settings: dict[str, str], store: Store) -> Frame
         key = UPRIGHT.key(settings, [remembered_digest(raw, store)])
     except OSError as error:
         raise InputError(f"{raw}: cannot be read ({error.strerror or error}); copy it again from its source") from error
-    png = store.root / "upright_images" / key[:2] / f"{key}.png"
+    png = (store.root / "upright_images" / name).with_name(f"{Path(name).stem}-{key[:_SHOWN]}.png")
     record = store.get(UPRIGHT, key)
     if record is None or not png.is_file() or remembered_digest(png, store) != record["sha256"].tobytes().hex():
         return _Missing(name, raw, key, png)

@@ -39,7 +39,8 @@ def test_without_a_file_nothing_is_annotated(root):
 
 
 @pytest.mark.parametrize(
-    "form", ["{d}/lb3/Cam5/{u}.tiff", "{u}.tiff", "{u}.png", "images/{d}_lb3/{d}/lb3/Cam5/{u}.jpg"]
+    "form",
+    ["{d}/lb3/Cam5/{u}.tiff", "{u}.tiff", "{u}.png", "{u}-0123456789abcdef.png", "images/{d}_lb3/{d}/lb3/Cam5/{u}.jpg"],
 )
 def test_names_with_and_without_folders_and_of_copies(root, form):
     for i in range(6):
@@ -56,6 +57,8 @@ def test_names_with_and_without_folders_and_of_copies(root, form):
         f"{utime(QUERY, 6)}.tiff",
         "query/0001.png",
         "1.tiff",
+        f"x{utime(QUERY, 1)}.png",
+        f"{utime(QUERY, 1)}_1.png",
         "",
         f"{10**40}.tiff",
     ],

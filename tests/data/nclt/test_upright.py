@@ -34,6 +34,7 @@ def test_images_are_turned_clockwise_without_loss(raw, tmp_path):
     for name, frame in frames.items():
         assert (frame.name, frame.height, frame.width) == (name, 160, 120)
         assert frame.digest == sha256_file(frame.path)
+        assert frame.path.name.startswith(f"{raw[name].stem}-")
         np.testing.assert_array_equal(read_image(frame.path), np.rot90(read_image(raw[name]), -1))
 
 
