@@ -4,6 +4,6 @@
 class InputError(Exception):
     """Bad input, configuration or surroundings.
 
-    The message is one line for a person: what is wrong, where, and what to do. The commands print it and exits
-    with status 2; nothing already stored is lost.
+    The message is one line for a person: what is wrong, where, and what to do. The commands print it and exit with
+    status 2; nothing already stored is lost.
     """

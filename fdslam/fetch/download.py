@@ -94,10 +94,10 @@ def probe(url: str) -> Remote:
 
 
 def check_room(folder: Path, needed: int) -> None:
-    """Raise InputError if the disk of ``folder``, which is made, has fewer than ``needed`` bytes free."""
+    """Raise InputError if the disk where ``folder`` is, or will be, has fewer than ``needed`` bytes free."""
+    there = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())
     with disk_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        free = shutil.disk_usage(folder).free
+        free = shutil.disk_usage(there).free
     if free < needed:
         raise InputError(
             f"{folder}: {readable(free)} free, about {readable(needed)} are needed; free some space or choose another "

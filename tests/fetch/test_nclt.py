@@ -2,8 +2,11 @@
 
 import io
 import json
+import os
+import subprocess
 import sys
 import tarfile
+from pathlib import Path
 
 import pytest
 
@@ -17,6 +20,7 @@ from fdslam.store import Store
 from tests.data.nclt.made_up import MAP, QUERY, shots
 from tests.fetch.server import free_port, serving
 
+ROOT = Path(__file__).parents[2]
 TABLE = "ladybug3_calib/U2D_ALL_1616X1232.tar.gz"
 
 
@@ -216,6 +220,18 @@ def test_a_bad_command_line_is_one_line_and_status_2(arguments, said, capsys):
     assert error.startswith("fdslam: ")
     assert error.count("\n") == 1
     assert said in error
+
+
+def test_the_command_itself_ends_with_one_line_and_status_2(tmp_path):
+    command_line = [sys.executable, "-m", "fdslam.fetch", "nclt", "--session", "SU", "--yes", "--to", "x"]
+    done = subprocess.run(
+        [*command_line, "--base", free_port()], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("fdslam: http://127.0.0.1:")
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_note_counts_what_was_unpacked(run, tmp_path):

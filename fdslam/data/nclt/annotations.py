@@ -1,9 +1,9 @@
 """The changed objects of a (query, map) pair of sessions, and which images are its queries.
 
 ``annotations/QUERY-DATE_MAP-DATE.json`` is COCO. Its ``images`` are the queries of the pair: those with an annotation
-show change, those without are distractors. A ``file_name`` ends in ``UTIME.tiff``, or in the name of the upright image in
-the store, ``UTIME-KEY.png``; the folders before it may be left out, and a date or a camera among them must be the right
-one. Boxes are in pixels of the upright image.
+show change, those without are distractors. A ``file_name`` ends in ``UTIME.tiff``, or in the name of the upright image
+in the store, ``UTIME-KEY.png``; the folders before it may be left out, and a date or a camera among them must be the
+right one. Boxes are in pixels of the upright image.
 """
 
 from __future__ import annotations
