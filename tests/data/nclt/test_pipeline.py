@@ -61,14 +61,14 @@ def test_the_same_table_as_from_a_folder_of_upright_images(made, tmp_path):
 
 def test_the_campus_as_nclt_is_the_campus(made):
     _, config, ours = made
-    campus = run(replace(config, dataset=SETTINGS, mix=Mix(rows=["FD", "PC"])), Stopwatch())
+    campus = run(replace(config, dataset=SETTINGS, mix=Mix(rows=["FD", "PC", "AD"])), Stopwatch())
     for a, b in ((ours.dataset.boxes, campus.dataset.boxes), (ours.dataset.relevant, campus.dataset.relevant)):
         assert [x.tolist() for x in a] == [x.tolist() for x in b]
     assert ours.dataset.times.tolist() == campus.dataset.times.tolist()
     np.testing.assert_allclose(ours.dataset.poses, campus.dataset.poses, atol=1e-12)
     for a, b in zip(ours.dataset.map + ours.dataset.query, campus.dataset.map + campus.dataset.query, strict=True):
         np.testing.assert_array_equal(read_image(a.path), read_image(b.path))
-    for method in ("FD", "PC"):
+    for method in ("FD", "PC", "AD"):
         for a, b in zip(ours.maps[method], campus.maps[method], strict=True):
             np.testing.assert_array_equal(a, b)
 
