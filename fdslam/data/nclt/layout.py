@@ -30,6 +30,7 @@ _SESSION = ("{0}", "images/{0}", "{0}_lb3/{0}", "images/{0}_lb3/{0}", "{0}_lb3",
 _POSES = ("ground_truth", ".", "{0}", "images/{0}")
 _TABLES = (".", "U2D_ALL_1616X1232", "U2D", "ladybug3_calib", "ladybug3_calib/U2D_ALL_1616X1232", "calib/U2D")
 _IMAGE = re.compile(r"(\d{1,18})\.tiff?", re.IGNORECASE)  # 18 digits always fit into 64 bits
+_TIFF = re.compile(r"[^.].*\.tiff?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class Session:
     utimes: NDArray[np.int64]  # [n] µs, ascending, none twice
     files: tuple[str, ...]  # [n] names in ``folder``
     repeated: int  # images left out because their time stamp was there already
+    misnamed: int  # TIFF files left out because their name is no time stamp
 
     def name(self, position: int) -> str:
         """Return the name of an image, which no other image of NCLT has: as in the published archives."""
@@ -82,9 +84,9 @@ def _pairs(settings: Nclt) -> tuple[tuple[str, str], ...]:
     return session_pairs(settings.query, settings.map, settings.sessions)
 
 
-def _images(folder: Path) -> Iterator[str]:
+def _files(folder: Path, name: re.Pattern[str]) -> Iterator[str]:
     with os.scandir(folder) as entries:
-        yield from (entry.name for entry in entries if _IMAGE.fullmatch(entry.name) and entry.is_file())
+        yield from (entry.name for entry in entries if name.fullmatch(entry.name) and entry.is_file())
 
 
 def _fetch(root: Path, date: str) -> str:
@@ -108,7 +110,7 @@ def image_folder(root: Path, date: str, camera: str) -> Path:
         there = sorted({p.name for folder in sessions for p in folder.iterdir() if re.fullmatch("Cam[0-5]", p.name)})
         choose = f"choose dataset.camera={there[0]} or " if there else ""
         raise InputError(f"{sessions[0] / camera}: no such camera; {choose}{_fetch(root, date)} --camera {camera}")
-    filled = [folder for folder in cameras if next(_images(folder), None) is not None]
+    filled = [folder for folder in cameras if next(_files(folder, _IMAGE), None) is not None]
     if not filled:
         raise InputError(f"{cameras[0]}: holds no image named UTIME.tiff; {_fetch(root, date)}")
     if len(filled) > 1:
@@ -120,14 +122,18 @@ def read_session(root: Path, date: str, camera: str) -> Session:
     """List the images of a session in the order of their time stamps; raises InputError as ``image_folder``."""
     folder = image_folder(root, date, camera)
     stamped: dict[int, str] = {}
-    files = sorted(_images(folder))
+    files = sorted(_files(folder, _TIFF))
+    misnamed = 0
     for file in files:
-        match = _IMAGE.fullmatch(file)
-        assert match is not None
-        stamped.setdefault(int(match[1]), file)
+        if match := _IMAGE.fullmatch(file):
+            stamped.setdefault(int(match[1]), file)
+        else:
+            misnamed += 1
     utimes = sorted(stamped)
     names = tuple(stamped[utime] for utime in utimes)
-    return Session(date, camera, folder, np.array(utimes, np.int64), names, len(files) - len(names))
+    return Session(
+        date, camera, folder, np.array(utimes, np.int64), names, len(files) - misnamed - len(names), misnamed
+    )
 
 
 def pose_file(root: Path, date: str) -> Path:

@@ -94,10 +94,11 @@ def _say_what_is_left_out(posed: Mapping[str, _Posed], settings: Nclt) -> None:
     """Count in one line the images that cannot be used; those that sampling leaves out are no surprise."""
     counts = []
     for date, one in posed.items():
-        unknown, repeated = int(np.isnan(one.poses[:, 0]).sum()), one.session.repeated
-        if unknown or repeated:
-            again = f" and {repeated} with a time stamp that was there already" if repeated else ""
-            counts.append(f"{unknown} of {len(one.poses)} images of {date} without a pose{again}")
+        unknown, repeated, misnamed = int(np.isnan(one.poses[:, 0]).sum()), one.session.repeated, one.session.misnamed
+        if unknown or repeated or misnamed:
+            again = f", {repeated} with a time stamp that was there already" if repeated else ""
+            others = f", {misnamed} not named UTIME.tiff" if misnamed else ""
+            counts.append(f"{unknown} of {len(one.poses)} images of {date} without a pose{again}{others}")
     if counts:
         log.warning("left out: %s (poses up to %g s apart are bridged, dataset.gap)", "; ".join(counts), settings.gap)
 

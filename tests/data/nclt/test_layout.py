@@ -52,7 +52,7 @@ def test_images_are_in_the_order_of_their_stamps_and_none_is_there_twice(tmp_pat
     session = read_session(tmp_path, DATE, "Cam5")
     assert session.utimes.tolist() == [999, 1000]
     assert session.utimes.dtype == np.int64
-    assert (session.files, session.repeated) == (("0999.tif", "1000.TIFF"), 2)
+    assert (session.files, session.repeated, session.misnamed) == (("0999.tif", "1000.TIFF"), 2, 1)
     assert session.name(1) == f"{DATE}/lb3/Cam5/1000.TIFF"
 
 

@@ -86,13 +86,14 @@ def test_images_without_a_pose_are_left_out_and_counted_in_one_line(root, load, 
     poses(root, MAP).write_text("\n".join(lines))
     poses(root, QUERY).write_text("".join(poses(root, QUERY).read_text().splitlines(keepends=True)[2:]))
     shutil.copy(image(root, MAP, 4), image(root, MAP, 4).with_suffix(".tif"))
+    shutil.copy(image(root, MAP, 4), image(root, MAP, 4).with_name("fourth.tiff"))
     [data] = load()
     assert stamps(data.map) == [utime(MAP, i) for i in (0, 1, 3, 4, 5)]
     assert stamps(data.query) == [utime(QUERY, i) for i in (2, 3, 4, 5)]
     left_out = [record.message for record in caplog.records if record.message.startswith("left out")]
     assert left_out == [
-        f"left out: 2 of 6 images of {QUERY} without a pose; 1 of 6 images of {MAP} without a pose and 1 with a time "
-        "stamp that was there already (poses up to 1 s apart are bridged, dataset.gap)"
+        f"left out: 2 of 6 images of {QUERY} without a pose; 1 of 6 images of {MAP} without a pose, 1 with a time "
+        "stamp that was there already, 1 not named UTIME.tiff (poses up to 1 s apart are bridged, dataset.gap)"
     ]
     assert f"{QUERY}_{MAP}.json: 2 of 6 queries have no pose and are left out" in caplog.text
     [data] = load(gap=2.0)
