@@ -16,7 +16,8 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.data.coco import Coco, check_size, clipped_box, read_coco
+from fdslam.data.annotations import AnnotatedImage, check_size, clipped
+from fdslam.data.annotations.coco import read_coco
 from fdslam.data.nclt.layout import Session
 from fdslam.errors import InputError
 from fdslam.types import Frame
@@ -29,23 +30,31 @@ _STEM = re.compile(r"(\d{1,18})(?:-[0-9a-f]+)?")  # the second part: of an uprig
 class Annotated:
     """The queries of a pair, and what is said of them."""
 
-    coco: Coco
-    positions: dict[str, int]  # image id of COCO -> position in the query session
+    path: Path
+    images: dict[int, AnnotatedImage]  # position in the query session -> what is annotated there
 
 
 def read_annotated(folder: Path, session: Session, map_date: str) -> Annotated | None:
     """Return what is annotated for a query session against a map session, None if there is no such file.
 
     Raises:
-        InputError: no COCO file, no image in it, an image that the query session does not have.
+        InputError: no COCO file, no image in it, an image that the query session does not have, or one twice.
     """
     path = folder / f"{session.date}_{map_date}.json"
     if not path.is_file():
         return None
-    coco = read_coco(path)
-    if not coco.files:
+    listed = read_coco(path)
+    if not listed:
         raise InputError(f"{path}: lists no image; list the queries under images, or remove the file")
-    return Annotated(coco, {key: _position(path, file, session) for key, file in coco.files.items()})
+    images: dict[int, AnnotatedImage] = {}
+    for image in listed:
+        position = _position(path, image.file, session)
+        if position in images:
+            raise InputError(
+                f"{image.where}: {image.file!r} is annotated already by {images[position].where}; keep one"
+            )
+        images[position] = image
+    return Annotated(path, images)
 
 
 def _position(path: Path, file: str, session: Session) -> int:
@@ -69,17 +78,15 @@ def boxes_of(annotated: Annotated, frames: Mapping[int, Frame]) -> tuple[NDArray
 
     Args:
         annotated: what the file says.
-        frames: position in the query session -> upright query; what is annotated elsewhere is left out.
+        frames: position in the query session -> upright query, for some of the annotated ones.
 
     Raises:
         InputError: a size that is not the upright image's, a box that is none or outside its image.
     """
-    found: dict[int, list[list[float]]] = {position: [] for position in frames}
-    for key, position in annotated.positions.items():
-        if position in frames:
-            check_size(annotated.coco, key, frames[position], "annotate the upright image, which this one is")
-    for key, bbox, identity in annotated.coco.annotations:
-        position = annotated.positions[key]
-        if position in frames:
-            found[position].append(clipped_box(annotated.coco, identity, bbox, frames[position]))
-    return tuple(np.array(boxes, np.float32).reshape(-1, 4) for boxes in found.values())
+    found = []
+    for position, frame in frames.items():
+        image = annotated.images[position]
+        check_size(image, frame, "annotate the upright image, which this one is")
+        boxes = [clipped(annotation, frame) for annotation in image.annotations]
+        found.append(np.array(boxes, np.float32).reshape(-1, 4))
+    return tuple(found)

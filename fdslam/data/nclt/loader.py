@@ -106,13 +106,13 @@ def _say_what_is_left_out(posed: Mapping[str, _Posed], settings: Nclt) -> None:
 def _pair(query: _Posed, map: _Posed, annotated: Annotated | None) -> _Pair:
     if annotated is None:
         return _Pair(query, map, None, query.sampled)
-    listed = np.unique(list(annotated.positions.values())).astype(np.int64)
+    listed = np.array(sorted(annotated.images), np.int64)
     known = listed[~np.isnan(query.poses[listed, 0])]
     if len(known) < len(listed):
-        log.warning("%s: %d of %d queries have no pose and are left out", annotated.coco.path, len(listed) - len(known),
+        log.warning("%s: %d of %d queries have no pose and are left out", annotated.path, len(listed) - len(known),
                     len(listed))  # fmt: skip
     if not len(known):
-        raise InputError(f"{annotated.coco.path}: none of its images has a pose; check the time stamps, or dataset.gap")
+        raise InputError(f"{annotated.path}: none of its images has a pose; check the time stamps, or dataset.gap")
     return _Pair(query, map, annotated, known)
 
 

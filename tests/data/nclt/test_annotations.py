@@ -19,7 +19,7 @@ def root(tmp_path):
 def read(root):
     session = read_session(root, QUERY, "Cam5")
     annotated = read_annotated(root / "annotations", session, MAP)
-    frames = {i: Frame(session.name(i), Path(f"{i}.png"), "", 160, 120) for i in sorted(annotated.positions.values())}
+    frames = {i: Frame(session.name(i), Path(f"{i}.png"), "", 160, 120) for i in sorted(annotated.images)}
     return dict(zip(frames, boxes_of(annotated, frames), strict=True))
 
 

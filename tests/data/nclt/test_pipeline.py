@@ -14,7 +14,7 @@ from fdslam.data import load_datasets
 from fdslam.data.images import read_image
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
-from fdslam.report.tables import table_csv
+from fdslam.report.data import table_csv
 from fdslam.store import Store
 from fdslam.types import Dataset
 from tests.data.worlds import write_csv
@@ -55,8 +55,8 @@ def test_the_same_table_as_from_a_folder_of_upright_images(made, tmp_path):
     raw, config, outcome = made
     assert sum(map(len, outcome.dataset.boxes)) > 0
     plain = as_folder(tmp_path / "folder", outcome.dataset, raw)
-    assert table_csv(outcome, config) == table(config_for(folder(plain), tmp_path / "store"))
-    assert table(replace(config, workers=1)) == table_csv(outcome, config)  # from the store
+    assert table_csv(outcome) == table(config_for(folder(plain), tmp_path / "store"))
+    assert table(replace(config, workers=1)) == table_csv(outcome)  # from the store
 
 
 def test_the_campus_as_nclt_is_the_campus(made):
