@@ -20,6 +20,7 @@ class Dataset(Checked):
     radius: float = option(5.0, "same place by pose: distance at most this, metres", low=0)
     angle: float = option(45.0, "same place by pose: headings differ at most this, degrees", low=0, high=180)
     tolerance: int = option(3, "same place without poses: at most this many indices apart on one drive", low=0)
+    all_pairs: bool = option(False, "where there are sessions: every ordered pair, whatever `query` and `map` say")
 
 
 @dataclass

@@ -71,7 +71,7 @@ def check_nclt(settings: Nclt) -> None:
         InputError: no root, a session, camera, pose file or table of undistortion that is not there.
     """
     root = root_folder(settings)
-    dates = dict.fromkeys(date for pair in _pairs(settings) for date in pair)
+    dates = dict.fromkeys(date for pair in chosen_pairs(settings) for date in pair)
     for date in dates:
         image_folder(root, date, settings.camera)
         pose_file(root, date)
@@ -80,8 +80,10 @@ def check_nclt(settings: Nclt) -> None:
     annotation_folder(root, settings)
 
 
-def _pairs(settings: Nclt) -> tuple[tuple[str, str], ...]:
-    return session_pairs(settings.query, settings.map, settings.sessions)
+def chosen_pairs(settings: Nclt) -> tuple[tuple[str, str], ...]:
+    """Return the (query, map) pairs of dates that the configuration names; raises InputError as ``session_pairs``."""
+    query, map = ("all", "all") if settings.all_pairs else (settings.query, settings.map)
+    return session_pairs(query, map, settings.sessions)
 
 
 def _files(folder: Path, name: re.Pattern[str]) -> Iterator[str]:

@@ -11,9 +11,17 @@ from numpy.typing import NDArray
 
 from fdslam.config import Nclt
 from fdslam.data.nclt.annotations import Annotated, boxes_of, read_annotated
-from fdslam.data.nclt.layout import Session, annotation_folder, pose_file, read_session, root_folder, table_file
+from fdslam.data.nclt.layout import (
+    Session,
+    annotation_folder,
+    chosen_pairs,
+    pose_file,
+    read_session,
+    root_folder,
+    table_file,
+)
 from fdslam.data.nclt.poses import MICROSECONDS, interpolate, read_track, sample
-from fdslam.data.nclt.sessions import session_label, session_pairs
+from fdslam.data.nclt.sessions import session_label
 from fdslam.data.nclt.upright import make_upright
 from fdslam.data.relevance import places_by_pose
 from fdslam.errors import InputError
@@ -57,7 +65,7 @@ def load_nclt(settings: Nclt, store: Store, workers: int) -> tuple[Dataset, ...]
         InputError: something is missing, damaged or does not fit together.
     """
     root = root_folder(settings)
-    dates = session_pairs(settings.query, settings.map, settings.sessions)
+    dates = chosen_pairs(settings)
     posed = {date: _posed(settings, date) for date in dict.fromkeys(date for pair in dates for date in pair)}
     _say_what_is_left_out(posed, settings)
     folder = annotation_folder(root, settings)
