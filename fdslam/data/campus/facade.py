@@ -1,4 +1,4 @@
-"""Facades: masonry, storeys of windows, doors, and what years leave on a wall."""
+"""Facades: masonry, storeys of windows, doors, and what years and the day's weather leave on a wall."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.data.campus.flora import SNOW
+from fdslam.data.campus.seasons import Season
 from fdslam.data.campus.texture import Color, noise, shift, to_bytes
 
 DENSITY = 32  # texture pixels per metre
+MOVED = 0.5  # share of the windows behind which something has changed from session to session
 MATERIALS = ("brick", "plaster", "panel", "clinker", "timber", "stone")
 _WALLS: dict[str, tuple[Color, ...]] = {
     "brick": ((168, 92, 72), (140, 74, 60), (186, 122, 92), (196, 168, 132)),
@@ -76,7 +79,38 @@ def masonry(rng: np.random.Generator, kind: str, color: Color, height: int, widt
     return tone[..., None] * np.array(color, np.float32)
 
 
-def _window(rng: np.random.Generator, image: NDArray[np.float32], box: tuple[int, int, int, int], st: Style) -> None:
+def _behind(rng: np.random.Generator, image: NDArray[np.float32], box: tuple[int, int, int, int], day: Season) -> None:
+    """Draw what is seen behind the glass."""
+    x0, y0, x1, y1 = box
+    h, w = y1 - y0, x1 - x0
+    deep = np.array((46, 58, 70), np.float32) * rng.uniform(0.6, 1.5)
+    if rng.random() < day.lamps:
+        deep = np.array((232, 196, 128), np.float32) * rng.uniform(0.5, 0.9)
+    glass = deep * np.linspace(1.7, 0.7, h, dtype=np.float32)[:, None, None] + np.zeros((h, w, 1), np.float32)
+    image[y0:y1, x0:x1] = np.minimum(glass, 255)
+    pick = rng.random()
+    if pick < day.shut:
+        drawn = y0 + int(h * rng.uniform(0.2, 1.0))
+        image[y0:drawn, x0:x1] = np.array((214, 208, 192), np.float32) * rng.uniform(0.7, 1.1)
+        image[y0:drawn:3, x0:x1] *= 0.82
+    elif pick < day.shut + 0.2:  # curtains
+        tint = rng.uniform(110, 235, 3).astype(np.float32)
+        part = max(1, int(w * rng.uniform(0.15, 0.4)))
+        folds = (1 + 0.15 * np.sin(np.arange(part) * 1.9)).astype(np.float32)[None, :, None]
+        image[y0:y1, x0 : x0 + part] = tint * folds
+        image[y0:y1, x1 - part : x1] = tint * folds
+    elif pick < day.shut + 0.33:  # things on the window sill
+        for _ in range(int(rng.integers(1, 4))):
+            x, r = int(rng.integers(x0, x1)), int(rng.integers(2, 6))
+            cv2.circle(image, (x, y1 - r), r, tuple(rng.uniform(20, 230, 3)), -1)
+    elif pick < day.shut + 0.48:  # a bright reflection
+        x = int(rng.integers(x0, x1))
+        cv2.line(image, (x, y0), (x - w // 2, y1 - 1), tuple(float(v) for v in deep * 3), max(2, w // 5))
+
+
+def _window(
+    rng: np.random.Generator, image: NDArray[np.float32], box: tuple[int, int, int, int], st: Style, day: Season
+) -> None:
     """Draw one window with its frame, sill, panes, and what is seen behind the glass."""
     x0, y0, x1, y1 = box
     h, w = y1 - y0, x1 - x0
@@ -85,34 +119,15 @@ def _window(rng: np.random.Generator, image: NDArray[np.float32], box: tuple[int
     if st.arched:
         cv2.ellipse(image, ((x0 + x1) // 2, y0), (w // 2 + 2 * lip, w // 3), 0, 180, 360, st.trim, -1)
     cv2.rectangle(image, (x0 - lip, y0 - lip), (x1 + lip - 1, y1 + lip - 1), st.frame, -1)
-    deep = np.array((46, 58, 70), np.float32) * rng.uniform(0.6, 1.5)
-    glass = deep * np.linspace(1.7, 0.7, h, dtype=np.float32)[:, None, None] + np.zeros((h, w, 1), np.float32)
-    image[y0:y1, x0:x1] = glass
-    pick = rng.random()
-    if pick < 0.22:  # a blind, drawn part of the way
-        drawn = y0 + int(h * rng.uniform(0.2, 1.0))
-        image[y0:drawn, x0:x1] = np.array((214, 208, 192), np.float32) * rng.uniform(0.7, 1.1)
-        image[y0:drawn:3, x0:x1] *= 0.82
-    elif pick < 0.42:  # curtains
-        tint = rng.uniform(110, 235, 3).astype(np.float32)
-        part = max(1, int(w * rng.uniform(0.15, 0.4)))
-        folds = (1 + 0.15 * np.sin(np.arange(part) * 1.9)).astype(np.float32)[None, :, None]
-        image[y0:y1, x0 : x0 + part] = tint * folds
-        image[y0:y1, x1 - part : x1] = tint * folds
-    elif pick < 0.55:  # things on the window sill
-        for _ in range(int(rng.integers(1, 4))):
-            x, r = int(rng.integers(x0, x1)), int(rng.integers(2, 6))
-            cv2.circle(image, (x, y1 - r), r, tuple(rng.uniform(20, 230, 3)), -1)
-    elif pick < 0.7:  # a bright reflection
-        x = int(rng.integers(x0, x1))
-        cv2.line(image, (x, y0), (x - w // 2, y1 - 1), tuple(float(v) for v in deep * 3), max(2, w // 5))
+    _behind(rng, image, box, day)
     for i in range(1, st.panes[0]):
         x = x0 + i * w // st.panes[0]
         cv2.line(image, (x, y0), (x, y1 - 1), st.frame, max(1, lip // 2))
     for j in range(1, st.panes[1]):
         y = y0 + j * h // st.panes[1]
         cv2.line(image, (x0, y), (x1 - 1, y), st.frame, max(1, lip // 2))
-    cv2.rectangle(image, (x0 - 2 * lip, y1 + lip), (x1 + 2 * lip, y1 + 2 * lip), shift(st.trim, 0.2), -1)
+    sill = SNOW if rng.random() < 1.2 * day.snow else shift(st.trim, 0.2)
+    cv2.rectangle(image, (x0 - 2 * lip, y1 + lip), (x1 + 2 * lip, y1 + 2 * lip), sill, -1)
     image[y1 + 2 * lip + 1 : y1 + 3 * lip + 2, x0 - 2 * lip : x1 + 2 * lip] *= 0.7
 
 
@@ -169,14 +184,29 @@ def _weather(rng: np.random.Generator, image: NDArray[np.float32], st: Style) ->
     image *= (1 - 0.25 * stain * np.linspace(0.2, 1, height, dtype=np.float32)[:, None])[..., None]
 
 
-def facade(rng: np.random.Generator, st: Style, width: float, storeys: int) -> NDArray[np.uint8]:
+def _soil(rng: np.random.Generator, image: NDArray[np.float32], day: Season) -> None:
+    """Add what a session's weather does to a wall: damp from below, driven snow."""
+    height, width = image.shape[:2]
+    up = np.linspace(1, 0, height, dtype=np.float32)[:, None] ** 0.5
+    damp = np.clip(noise(rng, height, width, 7, 3) + 0.9 - 1.6 * up, 0, 1)
+    image *= (1 - 0.3 * day.wet * damp)[..., None]
+    rime = np.clip(noise(rng, height, width, 12, 4) - 0.25, 0, 1)[..., None] * np.float32(0.9 * day.snow)
+    image *= 1 - rime
+    image += rime * np.array(SNOW, np.float32)
+
+
+def facade(
+    rng: np.random.Generator, today: np.random.Generator, st: Style, width: float, storeys: int, day: Season
+) -> NDArray[np.uint8]:
     """Paint a facade.
 
     Args:
         rng: where this face differs from its building's others.
+        today: where it differs from other sessions.
         st: the building's style.
         width: metres.
         storeys: floors; the facade is ``storeys`` × ``st.storey`` metres high.
+        day: of the session: blinds, lamps, damp and snow.
 
     Returns:
         [h, w, 3] RGB, DENSITY pixels per metre.
@@ -203,20 +233,25 @@ def facade(rng: np.random.Generator, st: Style, width: float, storeys: int) -> N
             if k == storeys - 1 and bay in doors:
                 _door(rng, image, x, st)
             elif rng.random() < 0.95:
-                _window(rng, image, (x, top, x + ww, min(top + wh, h - 8)), st)
+                fixed, new = (np.random.default_rng(int(r.integers(2**32))) for r in (rng, today))
+                inside = new if today.random() < MOVED else fixed
+                _window(inside, image, (x, top, x + ww, min(top + wh, h - 8)), st, day)
     _weather(rng, image, st)
+    _soil(today, image, day)
     image *= np.linspace(1.06, 0.92, h, dtype=np.float32)[:, None, None]
     return to_bytes(image)
 
 
-def roof(rng: np.random.Generator, color: Color) -> NDArray[np.uint8]:
-    """Paint roof tiles [192, 384, 3]."""
+def roof(rng: np.random.Generator, color: Color, snow: float) -> NDArray[np.uint8]:
+    """Paint roof tiles [192, 384, 3] with snow on that share of them."""
     tone = 1 + 0.1 * noise(rng, 192, 384, 8, 3)
     for row, y in enumerate(range(0, 192, 8)):
         tiles = rng.normal(1, 0.1, 384 // 10 + 2).repeat(10)
         tone[y : y + 8] *= tiles[5 * (row % 2) :][:384].astype(np.float32)
         tone[y + 7] *= 0.6
-    return to_bytes(tone[..., None] * np.array(color, np.float32))
+    image = tone[..., None] * np.array(color, np.float32)
+    cover = np.clip((noise(rng, 192, 384, 7, 4) * 0.7 + 2.4 * snow - 1.2) * 2.5, 0, 1)[..., None]
+    return to_bytes(image * (1 - cover) + cover * np.array(SNOW, np.float32) * (0.94 + 0.06 * tone[..., None]))
 
 
 def gable(rng: np.random.Generator, st: Style) -> NDArray[np.uint8]:

@@ -15,8 +15,8 @@ from fdslam.data.campus.raster import SS, Buffers
 from fdslam.data.campus.scene import GROUND
 from fdslam.data.campus.texture import Texture, noise, to_bytes
 
-SIDE = 128.0  # metres covered by the map, centred on the origin; beyond it the border goes on
-PIXELS = 2048
+SIDE = 160.0  # metres covered by the map, centred on the origin; beyond it the border goes on
+PIXELS = 2560
 TILE = 4.0  # metres covered by a detail tile
 FAR = 400.0  # metres: farther ground is lost in the horizon
 PAVING, ASPHALT, GRASS = range(3)
@@ -148,6 +148,7 @@ def darken(buffers: Buffers, camera: Camera, contacts: NDArray[np.float64]) -> N
         camera: the camera.
         contacts: [n, 3] x, y and radius of the patches, metres.
     """
+    level = np.array(buffers.label) == GROUND  # per quad: the passage's floor is ground too
     for x, y, radius in contacts:
         reach = 1.6 * radius * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         foot = np.column_stack([np.array([x, y]) + reach, np.zeros(4)])
@@ -164,5 +165,5 @@ def darken(buffers: Buffers, camera: Camera, contacts: NDArray[np.float64]) -> N
         axes, position = camera.axes, camera.position
         east, north = (position[k] + z * axes[2, k] + d * axes[0, k] for k in (0, 1))
         near = ((east - x) ** 2 + (north - y) ** 2) / radius**2
-        tone = np.where(buffers.quad[window] == GROUND, 1 - 0.45 * np.exp(-(near**2)), 1.0)
+        tone = np.where(level[buffers.quad[window]], 1 - 0.45 * np.exp(-(near**2)), 1.0)
         buffers.color[window] = np.rint(buffers.color[window] * tone[..., None]).astype(np.uint8)

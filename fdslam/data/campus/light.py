@@ -1,4 +1,4 @@
-"""The light of a session and what the camera makes of it."""
+"""The light of a session, outdoors and under the lamps of the passage, and what the camera makes of it."""
 
 from __future__ import annotations
 
@@ -34,17 +34,11 @@ class Light:
         return np.array([c * np.cos(self.azimuth), c * np.sin(self.azimuth), np.sin(self.elevation)])
 
 
-NOON = Light(
-    azimuth=-1.9, elevation=0.9, sun=(0.62, 0.60, 0.55), ambient=(0.55, 0.58, 0.62), zenith=(92, 140, 206),
-    horizon=(196, 216, 232), clouds=0.45, exposure=1.06, balance=(1.0, 1.0, 1.0), gamma=1.0, noise=2.0, haze=260.0,
-)  # fmt: skip
-EVENING = Light(
-    azimuth=0.5, elevation=0.42, sun=(0.74, 0.56, 0.36), ambient=(0.46, 0.48, 0.56), zenith=(112, 130, 172),
-    horizon=(240, 206, 168), clouds=0.7, exposure=1.16, balance=(1.05, 0.99, 0.92), gamma=1.08, noise=2.5, haze=220.0,
-)  # fmt: skip
-
-
+METERED = 118.0  # grey levels: a scene of this mean is exposed as the session's light says
 _FINE = 16  # entries of the tone curve per grey level
+
+
+LAMPS = np.array([0.93, 0.90, 0.82])  # indoors: factors of RGB on a wall, the same in every session
 
 
 def gains(mesh: Mesh, light: Light, eye: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -54,7 +48,10 @@ def gains(mesh: Mesh, light: Light, eye: NDArray[np.float64]) -> NDArray[np.floa
     facing = np.clip(normal @ light.direction, 0, 1)
     share = np.where(mesh.lit, facing, 0.62)[:, None]
     sky = np.where(mesh.lit, 0.85 + 0.15 * normal[:, 2], 0.9)[:, None]
-    return np.array(light.ambient) * sky + np.array(light.sun) * share
+    outdoors = np.array(light.ambient) * sky + np.array(light.sun) * share
+    # The lamps hang under the ceiling: tables are brighter than walls, and walls differ a little by where they face.
+    under = np.where(mesh.lit, 1.0 + 0.08 * normal[:, 2] + 0.05 * normal[:, 0], 1.0)[:, None]
+    return np.where(mesh.indoor[:, None], LAMPS * under, outdoors)
 
 
 def _curve(gamma: float) -> NDArray[np.float32]:
@@ -87,7 +84,9 @@ def photograph(
     image -= horizon
     image *= clear
     image += horizon
-    gain = light.exposure * float(np.exp(rng.normal(0, 0.05)))
+    # The camera meters what it sees, halfway: out of a dark passage the snow outside comes out white.
+    metered = float(np.clip((METERED / image.mean()) ** 0.5, 0.75, 1.35))
+    gain = light.exposure * metered * float(np.exp(rng.normal(0, 0.05)))
     balance = np.array(light.balance) * np.exp(rng.normal(0, 0.012, 3))
     x = (np.arange(width, dtype=np.float32) + 0.5) / width - 0.5
     y = (np.arange(height, dtype=np.float32) + 0.5) / height - 0.5

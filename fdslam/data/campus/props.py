@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.data.campus.flora import SNOW
 from fdslam.data.campus.scene import OBJECT, Quad, box, crossed, plate, turn, wall
 from fdslam.data.campus.texture import Color, Texture, plain, shift
 
@@ -15,6 +16,7 @@ GREEN = plain((46, 92, 70))
 DARK = plain((52, 56, 58))
 PALE = plain((232, 230, 214))
 WOOD = plain((150, 108, 70))
+WHITE = plain(SNOW)
 PAINTS: tuple[Color, ...] = (
     (178, 40, 38), (38, 70, 140), (226, 226, 222), (44, 46, 50), (150, 156, 162), (40, 104, 74), (214, 170, 52)
 )  # fmt: skip
@@ -81,14 +83,14 @@ def _slats(legs: bool) -> NDArray[np.uint8]:
 _BACK, _FRONT = Texture(lambda: _slats(False)), Texture(lambda: _slats(True))
 
 
-def bench(at: Point, angle: float) -> list[Quad]:
-    """Return a bench that faces the direction ``angle``."""
+def bench(at: Point, angle: float, cover: Texture | None = None) -> list[Quad]:
+    """Return a bench that faces the direction ``angle``; ``cover`` lies on its seat."""
     ahead, side = turn(angle)[:, 0], turn(angle)[:, 1] * 0.9
     back, front = at - ahead * 0.25, at + ahead * 0.22
     return [
         *wall(back - side, back + side, 0.45, 0.95, _BACK, OBJECT, two_sided=True),
         *wall(front - side, front + side, 0.0, 0.45, _FRONT, OBJECT, two_sided=True),
-        plate(at, (0.5, 1.8), angle, 0.46, WOOD, OBJECT),
+        plate(at, (0.5, 1.8), angle, 0.46, cover or WOOD, OBJECT),
     ]
 
 
@@ -121,9 +123,9 @@ def bicycle(at: Point, angle: float, texture: Texture) -> list[Quad]:
 BICYCLES = tuple(Texture(lambda c=c: _bicycle(c)) for c in PAINTS)  # type: ignore[misc]
 
 
-def bin_(at: Point, angle: float, side: Texture) -> list[Quad]:
-    """Return a waste bin."""
-    return box(at, (0.55, 0.6), angle, 0, 1.0, side, DARK, OBJECT)
+def bin_(at: Point, angle: float, side: Texture, cover: Texture | None = None) -> list[Quad]:
+    """Return a waste bin; ``cover`` lies on its lid."""
+    return box(at, (0.55, 0.6), angle, 0, 1.0, side, cover or DARK, OBJECT)
 
 
 def bollard(at: Point) -> list[Quad]:
@@ -131,8 +133,8 @@ def bollard(at: Point) -> list[Quad]:
     return crossed(at, 0.16, 0, 0.95, 0.3, DARK, OBJECT, 2)
 
 
-def _profile(color: Color) -> NDArray[np.uint8]:
-    """Paint a car from its side [146, 420, 4], 100 pixels per metre, driving to the left."""
+def _profile(color: Color, snow: float) -> NDArray[np.uint8]:
+    """Paint a car from its side [146, 420, 4], 100 pixels per metre, driving to the left; snow lies on top."""
     image = clear(146, 420, shift(color, -0.5))
     xs = [4, 2, 18, 108, 160, 190, 290, 328, 388, 414, 418]
     ys = [118, 84, 66, 56, 8, 2, 2, 10, 56, 64, 118]
@@ -142,6 +144,8 @@ def _profile(color: Color) -> NDArray[np.uint8]:
     for glass in (front, rear):
         cv2.fillPoly(image, [np.array(glass, np.int32)], ink((42, 54, 66)))
         cv2.line(image, tuple(glass[0]), tuple(glass[1]), ink((150, 160, 170)), 2)
+    if snow:
+        cv2.polylines(image, [np.array([xs[2:9], ys[2:9]], np.int32).T], False, ink(SNOW), 7)
     for x in (116, 231, 338):
         cv2.line(image, (x, 58), (x, 114), ink(shift(color, -0.5)), 2)
     cv2.line(image, (10, 72), (410, 70), ink(shift(color, 0.35)), 2)
@@ -170,12 +174,12 @@ def _end(color: Color, rear: bool) -> NDArray[np.uint8]:
     return image
 
 
-def car_textures(color: Color) -> tuple[Texture, ...]:
+def car_textures(color: Color, snow: float = 0.0) -> tuple[Texture, ...]:
     """Return the textures of a car of one colour: left and right side, front, rear, sheet metal, glass."""
-    side = Texture(lambda: _profile(color))
-    other = Texture(lambda: np.ascontiguousarray(_profile(color)[:, ::-1]))
+    side = Texture(lambda: _profile(color, snow))
+    other = Texture(lambda: np.ascontiguousarray(_profile(color, snow)[:, ::-1]))
     front, rear = Texture(lambda: _end(color, False)), Texture(lambda: _end(color, True))
-    return side, other, front, rear, plain(shift(color, 0.08)), plain((58, 72, 86))
+    return side, other, front, rear, WHITE if snow else plain(shift(color, 0.08)), plain((58, 72, 86))
 
 
 def car(at: Point, angle: float, textures: tuple[Texture, ...]) -> list[Quad]:

@@ -7,6 +7,7 @@ pixel has SS × SS samples; a quad owns a sample whose centre it covers, unless 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -41,20 +42,28 @@ class Buffers:
         per_item = np.bincount(np.array(self.item) + 1, weights=per_quad, minlength=items + 1)
         return [int(n) for n in per_item[1 : items + 1]]
 
-    def boxes(self, items: int) -> NDArray[np.float32]:
-        """Return the tight half-open boxes [items, 4] xyxy of the pixels in which each change object owns a sample.
+    def wipe(self) -> None:
+        """Forget all that has been painted; the colours stay, but nothing owns them."""
+        self.inverse[:], self.quad[:] = 0, 0
+        del self.label[1:], self.item[1:]
+
+    def boxes(self, items: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return the tight half-open boxes [n, 4] xyxy of the pixels in which each change object owns a sample.
+
+        Args:
+            items: [n] numbers of change objects.
 
         Raises:
             ValueError: an object owns none.
         """
-        boxes = np.empty((items, 4), np.float32)
-        item = np.array(self.item)[self.quad] if items else self.quad
-        for k in range(items):
-            mask = item == k
+        boxes = np.empty((len(items), 4), np.float32)
+        item = np.array(self.item)
+        for row, k in enumerate(items):
+            mask = (item == k)[self.quad]
             if not mask.any():
                 raise ValueError(f"object {k} cannot be seen")
             rows, columns = np.flatnonzero(mask.any(1)) // SS, np.flatnonzero(mask.any(0)) // SS
-            boxes[k] = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
+            boxes[row] = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
         return boxes
 
 
@@ -207,10 +216,12 @@ def paint(buffers: Buffers, camera: Camera, mesh: Mesh, gain: NDArray[np.float64
         rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
         if not len(rows):
             continue
+        # One resolution for the whole quad, whatever hides parts of it, or holes would move when a thing is taken away.
+        middle = (x0 + x1) / 2, (y0 + y1) / 2
         r0, r1, c0, c1 = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
         mask, near = mask[r0:r1, c0:c1], near[r0:r1, c0:c1]
         x0, x1, y0, y1 = x0 + c0, x0 + c1, y0 + r0, y0 + r1
-        patch = _patch(mesh.textures[q], inverse, x0, y0, x1, y1, ((x0 + x1) / 2, (y0 + y1) / 2))
+        patch = _patch(mesh.textures[q], inverse, x0, y0, x1, y1, middle)
         if patch.shape[2] == 4:
             mask &= patch[..., 3] >= HOLE
             patch = np.ascontiguousarray(patch[..., :3])

@@ -27,6 +27,7 @@ class Quad:
     span: tuple[float, float] = (0.0, 1.0)  # the part s0 <= s <= s1 that is drawn
     two_sided: bool = False
     lit: bool = True  # False: evenly lit, as leaves are
+    indoor: bool = False  # lit by lamps
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Mesh:
     normal: NDArray[np.float64]  # [Q, 3] unit, outward
     two_sided: NDArray[np.bool_]  # [Q]
     lit: NDArray[np.bool_]  # [Q]
+    indoor: NDArray[np.bool_]  # [Q]
     label: NDArray[np.int32]  # [Q] index into LABELS
     item: NDArray[np.int32]  # [Q] number of the change object, or -1
     textures: tuple[Texture, ...]  # [Q]
@@ -60,6 +62,7 @@ def mesh(quads: Sequence[Quad], items: Sequence[int] | None = None) -> Mesh:
         normal,
         np.array([q.two_sided for q in quads], bool),
         np.array([q.lit for q in quads], bool),
+        np.array([q.indoor for q in quads], bool),
         np.array([q.label for q in quads], np.int32),
         np.full(len(quads), -1, np.int32) if items is None else np.array(items, np.int32),
         tuple(q.texture for q in quads),
