@@ -82,7 +82,9 @@ def test_paper_mode_is_the_schema_s_default():
         ("evaluation.X=[]", "evaluation.X=[]"),
         ("mix.rows=[]", "mix.rows=[]"),
         ("mix.rows=[FD,XY]", "mix.rows=XY"),
-        ("dataset.map_images=0", "dataset.map_images=0"),
+        ("dataset.images=0", "dataset.images=0"),
+        ("dataset.query=WINTER", "dataset.query=WINTER"),
+        ("dataset.query=SU", "dataset.query=SU dataset.map=SU"),
         ("seed=-1", "seed=-1"),
     ],
 )

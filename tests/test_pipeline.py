@@ -53,7 +53,7 @@ def artefacts(store):
 @pytest.fixture(scope="module")
 def campus(tmp_path_factory):
     """A run on a small campus: configuration, outcome."""
-    data = Campus(map_images=10, query_images=9, width=154, height=202)
+    data = Campus(images=56, width=154, height=202)
     config = config_for(data, tmp_path_factory.mktemp("campus") / "store")
     return config, run(config, Stopwatch())
 
@@ -80,13 +80,13 @@ def test_campus_end_to_end(campus):
         assert row.pooled[20].low <= row.pooled[20].value <= row.pooled[20].high
         assert 0 <= row.lc_auroc.value <= 1
     for maps in outcome.maps.values():
-        assert [m.shape for m in maps] == [(21, 16)] * 9
+        assert [m.shape for m in maps] == [(21, 16)] * len(outcome.dataset.query)
         assert all(np.isfinite(m).all() for m in maps)
     blob = next(row for row in outcome.rows if row.method == "centre blob")
     assert blob.lc_auroc.value == pytest.approx(0.5)
     assert set(outcome.leaders) == set(ROWS)
     assert outcome.kept["FD"] == 0
-    assert outcome.kept["bag of words"] == _bytes_of_the_map(_config) / 10
+    assert outcome.kept["bag of words"] == _bytes_of_the_map(_config) / len(outcome.dataset.map)
     assert outcome.kept["PC"] > outcome.kept["bag of words"] > 0
     assert outcome.kept["AD"] > 0
 
@@ -108,7 +108,7 @@ def test_a_second_run_computes_nothing_and_says_the_same(campus):
         ({"evaluation": Evaluation(Y=3, bootstrap=10)}, {"fd", "pc"}),
         ({"ad": replace(QUICK, c=0.1)}, set()),
         ({"mask": Mask("labels")}, set()),
-        ({"dataset": Campus(map_images=10, query_images=9, width=154, height=202, radius=4.0)}, set()),
+        ({"dataset": Campus(images=56, width=154, height=202, radius=4.0)}, set()),
         ({"obb": Obb("A+J")}, {"localization", "fd", "pc", "ad"}),
         ({"ad": replace(QUICK, k=3)}, {"places", "autoencoder", "ad"}),
     ],
@@ -171,7 +171,7 @@ def test_workers_and_a_damaged_store_change_nothing(campus, tmp_path):
         path.write_bytes(path.read_bytes()[:-7])
     for path in files[1::3]:
         path.unlink()
-    next(Path(tmp_path).rglob("query/0001.png")).write_bytes(b"torn")
+    next(path for path in Path(tmp_path).rglob("AU/0001.png") if path.parents[1].name != "labels").write_bytes(b"torn")
     assert table(replace(config, store=str(tmp_path), workers=3)) == expected
 
 

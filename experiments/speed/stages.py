@@ -101,9 +101,9 @@ def images(unit: float) -> list[Row]:
     """Measure what works on pixels."""
     rng = np.random.default_rng(0)
     rows: list[Row] = []
-    world = World(0, 8, 8, 308, 404)
-    image = world.view("query", 0).image
-    rows.append(("campus view 308 × 404", cpu_seconds(lambda: world.view("query", 0)), "U", unit))
+    world = World(0, 384, 308, 404)
+    image = world.view("AU", 1).image
+    rows.append(("campus view 308 × 404", cpu_seconds(lambda: world.view("AU", 1)), "U", unit))
     rows.append(("ORB of a view, upscaled, on a grid", cpu_seconds(lambda: extract(image, Orb())), "U", unit))
     keypoints = harris_laplace(image, Keypoints())
     rows.append(("Harris-Laplace of a view", cpu_seconds(lambda: harris_laplace(image, Keypoints())), "U", unit))

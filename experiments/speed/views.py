@@ -55,8 +55,8 @@ def places(root: Path) -> Places:
             return [partial(read_image, path) for folder in folders for path in sorted((root / folder).glob("*.jpg"))]
 
         return Places("real images", files(MAP_FOLDERS), files(QUERY_FOLDERS))
-    world = World(0, CAMPUS_VIEWS, CAMPUS_VIEWS, WIDTH, HEIGHT)
-    sessions = [[partial(_view, world, name, i) for i in range(CAMPUS_VIEWS)] for name in ("map", "query")]
+    world = World(0, 4 * CAMPUS_VIEWS, WIDTH, HEIGHT)
+    sessions = [[partial(_view, world, name, i) for i in range(CAMPUS_VIEWS)] for name in ("SU", "AU")]
     return Places("campus views", *sessions)
 
 

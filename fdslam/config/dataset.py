@@ -8,6 +8,7 @@ from typing import ClassVar
 from omegaconf import MISSING
 
 from fdslam.config.options import Checked, option
+from fdslam.errors import InputError
 
 
 @dataclass
@@ -59,11 +60,13 @@ class Pairs(Dataset):
 class Rendering(Checked):
     """What decides how the embedded world looks."""
 
-    seed: int = option(0, "which campus", low=0, high=2**32 - 1)
-    map_images: int = option(96, "images of the map session", low=1)
-    query_images: int = option(72, "images of the query session", low=1)
+    seed: int = option(4, "which campus", low=0, high=2**32 - 1)
+    images: int = option(384, "images of the four sessions together", low=4, high=100_000)
     width: int = option(308, "image width, pixels", low=64, high=4096)
     height: int = option(404, "image height, pixels", low=64, high=4096)
+
+
+_SESSIONS = ("WI", "SP", "SU", "AU", "all")
 
 
 @dataclass
@@ -71,6 +74,18 @@ class Campus(Rendering, Dataset):
     """The embedded world: rendered on first use, deterministic in its seed and sizes."""
 
     kind: str = option("campus", "this data set", choices=("campus",))
+    query: str = option("AU", "session of the queries; all: each that is not the map's", choices=_SESSIONS)
+    map: str = option("SU", "session of the map; all: each that is not the query's", choices=_SESSIONS)
+    objects: int = option(1200, "annotated change objects of the twelve pairs together", low=0)
+    distractors: int = option(288, "queries without change of the twelve pairs together", low=0)
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a value out of range, or for one session as both query and map."""
+        super().__post_init__()
+        if self.query == self.map != "all":
+            raise InputError(
+                f"dataset.query={self.query} dataset.map={self.map}: choose two different sessions, or all"
+            )
 
 
 @dataclass

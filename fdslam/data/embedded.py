@@ -1,10 +1,13 @@
-"""The embedded world as a folder: rendered on first use, image by image, and then read like any other data set."""
+"""The embedded world as data sets: its sessions are rendered on first use, and joined to pairs of query and map.
+
+The images of a session are rendered once, whatever pairs it is part of: ``AU/0001.png`` is the same file, with the same
+digest, as a query against three maps and as a map image for three query sessions. What is annotated in it depends on
+the map: the objects that do not stand in the map's session.
+"""
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 from functools import partial
 from pathlib import Path
 
@@ -13,98 +16,112 @@ import numpy as np
 
 from fdslam.config import Campus, Rendering, part
 from fdslam.context import ensure
-from fdslam.data.annotations import AnnotatedImage, Annotation, coco_json
-from fdslam.data.campus import World
-from fdslam.data.folder import read_folder
+from fdslam.data.campus import SESSIONS, World
+from fdslam.data.campus.pairs import PAIRS, choose, shares
+from fdslam.data.relevance import places_by_pose
+from fdslam.errors import InputError
 from fdslam.store import Arrays, Key, Stage, Store, sha256_file, write_atomically
-from fdslam.types import Dataset
+from fdslam.types import Dataset, Frame
 
 VIEW = Stage("campus_view", ("fdslam.data.campus", "fdslam.data.embedded"), ("numpy", "opencv-python-headless"))
-KINDS = ("car", "person", "barrier", "poster", "table", "board")
-_SPACING = 1.0  # drive index of successive images; places are told apart by pose, not by index
 
 
 def _png(image: np.ndarray) -> bytes:
     return cv2.imencode(".png", image)[1].tobytes()
 
 
-def _render(world: World, session: str, index: int, root: Path) -> Arrays:
+def _files(root: Path, session: str, index: int) -> dict[str, Path]:
+    name = f"{session}/{index:04d}.png"
+    return {"image": root / name, "labels": root / "labels" / name}
+
+
+def _render(world: World, root: Path, session: str, index: int) -> Arrays:
+    """Write an image and its labels; return what else is true of it, and the digests of both files."""
     view = world.view(session, index)
-    image, labels = _png(cv2.cvtColor(view.image, cv2.COLOR_RGB2BGR)), _png(view.labels)
-    write_atomically(root / session / f"{index:04d}.png", image)
-    if session == "query":
-        write_atomically(root / "labels" / f"{index:04d}.png", labels)
+    data = {"image": _png(cv2.cvtColor(view.image, cv2.COLOR_RGB2BGR)), "labels": _png(view.labels)}
+    for name, path in _files(root, session, index).items():
+        write_atomically(path, data[name])
+    standing = [[name in world.items[k].sessions for name in SESSIONS] for k in view.items]
     return {
         "boxes": view.boxes,
-        "kinds": np.array([KINDS.index(kind) for kind in view.kinds], np.int64),
+        "clear": view.clear,
+        "standing": np.array(standing, bool).reshape(-1, len(SESSIONS)),
         "pose": np.array(view.pose),
-        "image": np.frombuffer(hashlib.sha256(image).digest(), np.uint8),
-        "labels": np.frombuffer(hashlib.sha256(labels).digest(), np.uint8),
+        **{name: np.frombuffer(hashlib.sha256(content).digest(), np.uint8) for name, content in data.items()},
     }
 
 
 def _torn(root: Path, session: str, index: int, view: Arrays) -> bool:
     """Tell whether a rendered file is gone or no longer what was rendered."""
-    files = {"image": root / session / f"{index:04d}.png"}
-    if session == "query":
-        files["labels"] = root / "labels" / f"{index:04d}.png"
+    files = _files(root, session, index)
     return any(not p.is_file() or sha256_file(p) != view[name].tobytes().hex() for name, p in files.items())
 
 
-def _csv(header: list[str], rows: list[list]) -> bytes:
-    text = io.StringIO(newline="")
-    csv.writer(text, lineterminator="\n").writerows([header, *rows])
-    return text.getvalue().encode()
-
-
-def _pose_rows(session: str, views: list[Arrays]) -> list[list]:
-    return [
-        [f"{session}/{i:04d}.png", "campus", i * _SPACING, *(f"{value:.6f}" for value in view["pose"])]
-        for i, view in enumerate(views)
-    ]
-
-
-def _coco(settings: Campus, views: list[Arrays], root: Path) -> bytes:
-    images = []
-    for i, view in enumerate(views):
-        boxes = zip(view["boxes"].tolist(), view["kinds"], strict=True)
-        found = tuple(Annotation(tuple(box), KINDS[kind], f"view {i}") for box, kind in boxes)
-        images.append(AnnotatedImage(f"query/{i:04d}.png", root, (settings.width, settings.height), found, f"view {i}"))
-    return coco_json(images, KINDS)
-
-
-def load_campus(settings: Campus, store: Store, workers: int) -> tuple[Dataset, ...]:
-    """Return the campus, rendering into the store whatever is missing there or damaged."""
+def _rendered(settings: Campus, sessions: list[str], root: Path, store: Store, workers: int) -> dict[str, list[Arrays]]:
+    """Return what is true of the images of the sessions, rendering whatever is missing or damaged."""
     look = part(settings, Rendering)
-    key = VIEW.key(look, [])
-    root = store.root / "campus" / key[:16]
+    counts = shares(settings.images, SESSIONS)
+    addresses: dict[tuple[str, int], Key] = {
+        (session, i): VIEW.key(look, [session, str(i)]) for session in sessions for i in range(counts[session])
+    }
+    for which, address in addresses.items():
+        view = store.get(VIEW, address)
+        if view is not None and _torn(root, *which, view):
+            store.path(VIEW, address).unlink(missing_ok=True)
     world: list[World] = []
 
     def render(session: str, index: int) -> Arrays:
-        return _render(world[0], session, index, root)
+        return _render(world[0], root, session, index)
 
-    counts = {"map": settings.map_images, "query": settings.query_images}
-    addresses: dict[tuple[str, int], Key] = {
-        (session, i): VIEW.key(look, [session, str(i)]) for session, count in counts.items() for i in range(count)
-    }
-    for (session, index), address in addresses.items():
-        view = store.get(VIEW, address)
-        if view is not None and _torn(root, session, index, view):
-            store.path(VIEW, address).unlink(missing_ok=True)
-    jobs = {address: partial(render, *which) for which, address in addresses.items()}
-    if not all(store.has(VIEW, address) for address in jobs):
-        world.append(World(settings.seed, settings.map_images, settings.query_images, settings.width, settings.height))
+    if not all(store.has(VIEW, address) for address in addresses.values()):
+        world.append(World(settings.seed, settings.images, settings.width, settings.height))
+        jobs = {address: partial(render, *which) for which, address in addresses.items()}
         ensure(store, VIEW, jobs, workers, "rendering the campus")
     views = {which: store.get(VIEW, address) or render(*which) for which, address in addresses.items()}
-    maps = [views["map", i] for i in range(settings.map_images)]
-    queries = [views["query", i] for i in range(settings.query_images)]
-    pose = ["drive", "index", "x", "y", "heading"]
-    files = {
-        "map.csv": _csv(["map_file", *pose], _pose_rows("map", maps)),
-        "pairs.csv": _csv(["query_file", "drive", "query_index", *pose[2:]], _pose_rows("query", queries)),
-        "annotations.json": _coco(settings, queries, root),
-    }
-    for name, data in files.items():
-        if not (root / name).is_file() or (root / name).read_bytes() != data:
-            write_atomically(root / name, data)
-    return (read_folder(root, settings, name="campus"),)
+    return {session: [views[session, i] for i in range(counts[session])] for session in sessions}
+
+
+def _frames(settings: Campus, root: Path, session: str, views: list[Arrays]) -> list[Frame]:
+    digests = [view["image"].tobytes().hex() for view in views]
+    paths = [_files(root, session, i)["image"] for i in range(len(views))]
+    names = [path.relative_to(root).as_posix() for path in paths]
+    size = settings.height, settings.width
+    return [Frame(name, path, digest, *size) for name, path, digest in zip(names, paths, digests, strict=True)]
+
+
+def _pair(settings: Campus, pair: tuple[str, str], root: Path, rendered: dict[str, list[Arrays]]) -> Dataset:
+    """Join two sessions: the map is all images of one, the queries are chosen among those of the other."""
+    query, map_ = pair
+    views, maps = rendered[query], rendered[map_]
+    changed = [~view["standing"][:, SESSIONS.index(map_)] for view in views]
+    annotated = [change & view["clear"] for change, view in zip(changed, views, strict=True)]
+    objects, distractors = (shares(n, PAIRS)[pair] for n in (settings.objects, settings.distractors))
+    counts, seen = (np.array([np.count_nonzero(one) for one in many]) for many in (annotated, changed))
+    chosen = choose(counts, seen, objects, distractors)
+    if not chosen:
+        raise InputError(
+            f"dataset=campus: no image of {query} is a query against {map_}; raise dataset.images={settings.images}, "
+            f"dataset.objects={settings.objects} or dataset.distractors={settings.distractors}"
+        )
+    poses = np.array([view["pose"] for view in maps])
+    frames = _frames(settings, root, query, views)
+    return Dataset(
+        name="campus",
+        map=tuple(_frames(settings, root, map_, maps)),
+        query=tuple(frames[i] for i in chosen),
+        boxes=tuple(views[i]["boxes"][annotated[i]] for i in chosen),
+        relevant=places_by_pose(np.array([views[i]["pose"] for i in chosen]), poses, settings.radius, settings.angle),
+        labels=tuple(_files(root, query, i)["labels"] for i in chosen),
+        poses=poses,
+        times=np.arange(len(maps), dtype=np.float64),
+        pair=pair,
+    )
+
+
+def load_campus(settings: Campus, store: Store, workers: int) -> tuple[Dataset, ...]:
+    """Return the campus, one data set for each pair of sessions that the settings name."""
+    pairs = [(q, m) for q, m in PAIRS if settings.query in (q, "all") and settings.map in (m, "all")]
+    sessions = [name for name in SESSIONS if any(name in pair for pair in pairs)]
+    root = store.root / "campus" / VIEW.key(part(settings, Rendering), [])[:16]
+    rendered = _rendered(settings, sessions, root, store, workers)
+    return tuple(_pair(settings, pair, root, rendered) for pair in pairs)
