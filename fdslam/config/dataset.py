@@ -82,7 +82,7 @@ class Campus(Rendering, Dataset):
     def __post_init__(self) -> None:
         """Raise InputError for a value out of range, or for one session as both query and map."""
         super().__post_init__()
-        if self.query == self.map != "all":
+        if self.query == self.map != "all" and not self.all_pairs:
             raise InputError(
                 f"dataset.query={self.query} dataset.map={self.map}: choose two different sessions, or all"
             )

@@ -25,9 +25,9 @@ def shots(count=6, changed=(), light=1.0):
 
 def made_up(root, changed=(1, 3)):
     """Write both sessions, and annotations of every query, to ``root``."""
-    write_session(root, MAP, shots())
-    write_session(root, QUERY, shots(changed=changed, light=0.8))
-    write_annotations(root, QUERY, MAP, shots(changed=changed))
+    write_session(root, MAP, dict(enumerate(shots())))
+    write_session(root, QUERY, dict(enumerate(shots(changed=changed, light=0.8))))
+    write_annotations(root, QUERY, MAP, dict(enumerate(shots(changed=changed))))
     return root
 
 

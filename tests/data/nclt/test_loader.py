@@ -53,7 +53,7 @@ def test_reads_everything(load):
 
 
 def test_all_ordered_pairs_share_their_frames(root, load):
-    write_session(root, "2013-01-10", shots(4))
+    write_session(root, "2013-01-10", dict(enumerate(shots(4))))
     data = load(query="all", map="all", sessions=["SU", "AU", "2013-01-10"])
     sessions = ("SU", "AU", "2013-01-10")
     again = load(all_pairs=True, sessions=["SU", "AU", "2013-01-10"])
@@ -170,7 +170,7 @@ def test_annotations_of_images_without_a_pose_alone(root, load):
 def test_headings_decide_what_shows_the_same_place(root, load):
     back = [Shot(shot.image, (shot.pose[0], 0.0, np.pi), shot.boxes) for shot in shots()]
     shutil.rmtree(root / MAP)
-    write_session(root, MAP, back)
+    write_session(root, MAP, dict(enumerate(back)))
     [data] = load()
     assert all(len(places) == 0 for places in data.relevant)
     [data] = load(angle=180.0)
