@@ -76,8 +76,8 @@ class Campus(Rendering, Dataset):
     kind: str = option("campus", "this data set", choices=("campus",))
     query: str = option("AU", "session of the queries; all: each that is not the map's", choices=_SESSIONS)
     map: str = option("SU", "session of the map; all: each that is not the query's", choices=_SESSIONS)
-    objects: int = option(1200, "annotated change objects of the twelve pairs together", low=0)
-    distractors: int = option(288, "queries without change of the twelve pairs together", low=0)
+    objects: int = option(1200, "annotated objects of the twelve pairs together, at most", low=0)
+    distractors: int = option(288, "queries without change of the twelve pairs together, at most", low=0)
 
     def __post_init__(self) -> None:
         """Raise InputError for a value out of range, or for one session as both query and map."""

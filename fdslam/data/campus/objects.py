@@ -93,7 +93,7 @@ def _car(rng: np.random.Generator, at: Point, toward: float) -> list[Quad]:
 
 
 Maker = Callable[[np.random.Generator, Point, float], list[Quad]]  # from the direction to the viewer, radians
-# Per kind what may be built, its radius in metres, and how far to the side of the path it may stand outdoors.
+# Per kind what may be built, the last of them indoors, and its radius in metres.
 _STANDING: dict[str, tuple[tuple[Maker, float], ...]] = {
     "car": ((_car, 2.1),),
     "construction": ((machines.site, 2.1), (machines.barrier, 0.9)),

@@ -32,13 +32,13 @@ def _split(quad: Quad, length: float) -> list[Quad]:
     return [replace(quad, span=(float(a), float(b))) for a, b in pairwise(cuts)]
 
 
-def _swing(today: bool) -> NDArray[np.uint8]:
+def _swing(push: bool) -> NDArray[np.uint8]:
     """Paint a glass door [150, 80, 4] in its frame; the glass is a hole but for a sticker."""
     image = props.clear(150, 80, (88, 92, 98))
     cv2.rectangle(image, (0, 0), (79, 149), props.ink((88, 92, 98)), 12)
     cv2.rectangle(image, (0, 118), (79, 149), props.ink((104, 108, 114)), -1)
     cv2.rectangle(image, (8, 70), (72, 76), props.ink((196, 198, 200)), -1)
-    cv2.rectangle(image, (26, 40), (54, 56), props.ink((40, 90, 160) if today else (190, 50, 44)), -1)
+    cv2.rectangle(image, (26, 40), (54, 56), props.ink((40, 90, 160) if push else (190, 50, 44)), -1)
     return image
 
 
