@@ -58,8 +58,8 @@ class Item:
         return [replace(q, origin=foot + axes @ q.origin, right=axes @ q.right) for q in self.quads]
 
 
-def _person(rng: np.random.Generator) -> list[Quad]:
-    """Return a person at the origin who looks along +x."""
+def _person(rng: np.random.Generator, _at: Point, _toward: float) -> list[Quad]:
+    """Return a person at the origin who looks along +x: ``Item.seen_from`` turns and moves them."""
     image, tall = guises.person(rng), rng.uniform(1.55, 1.92)
     half = np.array([0.0, tall * 0.22])
     return wall(-half, half, 0, tall, Texture(lambda: image), OBJECT, two_sided=True, lit=False)
@@ -96,6 +96,7 @@ Maker = Callable[[np.random.Generator, Point, float], list[Quad]]  # from the di
 # Per kind what may be built, the last of them indoors, and its radius in metres.
 _STANDING: dict[str, tuple[tuple[Maker, float], ...]] = {
     "car": ((_car, 2.1),),
+    "person": ((_person, 0.35),),
     "construction": ((machines.site, 2.1), (machines.barrier, 0.9)),
     "machine": ((machines.excavator, 2.3), (machines.roller, 1.8), (machines.dumper, 1.6)),
     "table": ((_table, 0.9),),
@@ -146,16 +147,14 @@ class Placer:
         """Draw an object that stands on the ground near the path at ``s`` metres, if there is room."""
         heading = float(self.way.heading(s))
         inside = bool(self.plan.passage.inside(self.way.at(s)))
-        make, radius = _person, 0.35
-        if kind != "person":
-            choices = _STANDING[kind]
-            make, radius = choices[-1] if inside else choices[rng.integers(len(choices))]  # type: ignore[assignment]
+        choices = _STANDING[kind]
+        make, radius = choices[-1] if inside else choices[rng.integers(len(choices))]
         reach = self.plan.passage.half - radius - 0.25 if inside else 2.5 + radius + 2.0
         at = self.way.beside(s, float(rng.choice([-1, 1]) * reach * rng.uniform(0.25, 1)))
         if not self.fits(at, radius, sessions) or bool(self.plan.passage.inside(at)) != inside:
             return None
         toward = heading + np.pi + rng.uniform(-0.5, 0.5)
-        quads = _person(rng) if kind == "person" else make(rng, at, toward)  # type: ignore[call-arg]
+        quads = make(rng, at, toward)
         return Item(kind, tuple(indoors(quads) if inside else quads), at, radius, kind == "person", sessions)
 
     def _wall(self, s: float, azimuth: float) -> tuple[Point, Point, float, float] | None:
