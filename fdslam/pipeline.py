@@ -20,7 +20,7 @@ from fdslam.mask import apply_masks, load_masks
 from fdslam.metrics import Figure, Leader, Row, Scene, evaluate, leaders, proportion
 from fdslam.progress import progress, single_threaded
 from fdslam.provenance import Stopwatch
-from fdslam.sessions import joined
+from fdslam.sessions import images_of, joined
 from fdslam.store import Store
 from fdslam.types import Dataset, Localization
 
@@ -41,7 +41,7 @@ class Outcome:
     rows: tuple[Row, ...]  # methods, then controls; empty without annotations
     leaders: dict[str, Leader]  # per method; empty without annotated boxes
     kept: dict[str, float]  # bytes per map image of the bag of words, and what each detector keeps beside it
-    pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
+    pairs: tuple[Outcome, ...] = ()  # the same, less ``maps``, of each pair of sessions alone, where there are several
     over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
 
 
@@ -72,9 +72,12 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
         for dataset in datasets:
             _check_truth(config, dataset)
     seen = [_see(config, dataset, store, watch) for dataset in datasets]
-    outcome = _outcome(config, seen, watch)
-    pairs = tuple(_outcome(config, [one], watch) for one in seen) if len(seen) > 1 else ()
-    return replace(outcome, pairs=pairs, over_Y=_over_Y(config, datasets, store, watch))
+    # Pairs without annotations, where others have some, have no part in the table of all.
+    annotated = [one for one in seen if one.dataset.boxes is not None] or seen
+    outcome = _outcome(config, annotated, watch)
+    pairs = tuple(replace(_outcome(config, [one], watch), maps={}) for one in seen) if len(seen) > 1 else ()
+    over = _over_Y(config, outcome, [one.dataset for one in annotated], store, watch)
+    return replace(outcome, pairs=pairs, over_Y=over)
 
 
 def _see(config: Config, dataset: Dataset, store: Store, watch: Stopwatch) -> _Seen:
@@ -116,10 +119,15 @@ def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome
     return Outcome(dataset, localizations, hypotheses, recall, maps, tuple(rows), lead, kept)
 
 
-def _over_Y(config: Config, datasets: Sequence[Dataset], store: Store, watch: Stopwatch) -> dict[int, tuple[Row, ...]]:
+def _over_Y(
+    config: Config, outcome: Outcome, datasets: Sequence[Dataset], store: Store, watch: Stopwatch
+) -> dict[int, tuple[Row, ...]]:
     """Return the rows at each Y of ``evaluation.curve_Y``; their intervals are not used, so they are few draws."""
-    rows = {}
-    for y in sorted(set(config.evaluation.curve_Y)):
+    rows: dict[int, tuple[Row, ...]] = {}
+    for y in sorted(set(config.evaluation.curve_Y)) if outcome.rows else ():
+        if y == config.evaluation.Y:
+            rows[y] = outcome.rows
+            continue
         other = replace(config, evaluation=replace(config.evaluation, Y=y, bootstrap=FEWEST_DRAWS))
         rows[y] = _outcome(other, [_see(other, dataset, store, watch) for dataset in datasets], watch).rows
     return rows
@@ -170,6 +178,7 @@ def _evaluate(maps: dict[str, Maps], dataset: Dataset, config: Config) -> list[R
         tuple(frame.height for frame in dataset.query),
         tuple(frame.width for frame in dataset.query),
         dataset.boxes,
+        tuple(images_of(dataset)),
     )
     return list(
         progress(
@@ -190,5 +199,5 @@ def _recall(n: int, seen: Sequence[_Seen], dataset: Dataset, config: Config) -> 
             for found, true in zip(one.localizations, one.dataset.relevant or (), strict=True)
         ]
     )
-    names = [frame.name for frame in dataset.query]
-    return proportion(hits, names, config.evaluation.bootstrap, config.evaluation.confidence, config.seed)
+    names, drawn = [frame.name for frame in dataset.query], config.evaluation
+    return proportion(hits, names, drawn.bootstrap, drawn.confidence, config.seed, images_of(dataset))

@@ -69,6 +69,8 @@ def check_surroundings(config: Config) -> None:
 
     parse_library(config.obb.library)
     check_dataset(config.dataset)
+    if config.mask.source == "labels" and config.dataset.kind in ("nclt", "pairs"):
+        raise InputError(f"mask=labels: dataset={config.dataset.kind} has no label images; run with mask=none")
     if not re.fullmatch(r"cpu|cuda(:\d+)?", config.device):
         raise InputError(f"device={config.device}: choose cpu or cuda")
     if config.device != "cpu":

@@ -15,6 +15,12 @@ def label(dataset: Dataset) -> str:
     return "" if dataset.pair is None else "/".join(dataset.pair)
 
 
+def images_of(dataset: Dataset) -> list[str]:
+    """Return which image each query is: the name of the first query with the same content."""
+    first: dict[str, str] = {}
+    return [first.setdefault(frame.digest, frame.name) for frame in dataset.query]
+
+
 def joined(datasets: Sequence[Dataset]) -> Dataset:
     """Return all queries of the pairs, and their maps one after another; one pair alone is returned as it is.
 

@@ -53,7 +53,7 @@ def test_every_option_of_every_group_composes(option):
 
 def test_a_session_of_nclt_is_a_word_and_not_a_date():
     data = composed("dataset=nclt", "dataset.root=/data", "dataset.map=2012-01-22", "dataset.camera=Cam0").dataset
-    assert (data.query, data.map, data.camera) == ("all", "2012-01-22", "Cam0")
+    assert (data.query, data.map, data.camera) == ("", "2012-01-22", "Cam0")
     assert len(data.sessions) == 4
 
 

@@ -46,6 +46,8 @@ def command(*arguments, cwd=ROOT, python=sys.executable):
         ),
         (["dataset=folder", "dataset.root=.", "dataset.annotations=a b.xml"], "dataset.annotations=a b.xml: not there"),
         (["dataset=nclt", "dataset.root=/nowhere"], "dataset.root=/nowhere: no such folder"),
+        (["+experiment=table1", "dataset.query=AU"], "runs every pair; add dataset.all_pairs=false to choose"),
+        (["dataset.query=SU"], "dataset.query=SU dataset.map=SU: choose two different sessions"),
         (["dataset=nclt", "dataset.root=."], "2012-01-22/lb3: no such session"),
         (["dataset=nclt", "dataset.root=.", "dataset.query=WT"], "dataset.query=WT: no session"),
         (["dataset=nclt", "dataset.root=.", "dataset.camera=Cam6"], "dataset.camera=Cam6: choose one of Cam0, Cam1"),

@@ -139,3 +139,35 @@ def test_the_report_tells_of_every_pair(made, tmp_path):
     assert float(value) == outcome.pairs[2].rows[1].pooled[20].value
     assert "| B/A | 4 | 1 | " in (tmp_path / "table.md").read_text()
     assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def test_pairs_without_annotations_have_no_part_in_the_table(made, tmp_path):
+    config, found, _, alone = made
+    bare = replace(found[2], boxes=None)
+    outcome = measured(config, (found[0], found[1], bare))
+    both = measured(config, found[:2])
+    assert table_csv(outcome) == table_csv(both)
+    assert outcome.over_Y.keys() == both.over_Y.keys()
+    assert [len(pair.rows) > 0 for pair in outcome.pairs] == [True, True, False]
+    assert table_csv(outcome.pairs[0]) == table_csv(alone[0])
+    text = write_report(outcome, replace(config, report=Report(pictures=0)), tmp_path, Stopwatch())
+    assert "1 of 3 pairs are not annotated and have no part in what follows" in text
+    assert "| B/C | 4 | – | " in (tmp_path / "table.md").read_text()
+    none = measured(config, tuple(replace(one, boxes=None) for one in found))
+    assert none.rows == ()
+    assert none.over_Y == {}
+    text = write_report(none, replace(config, report=Report(pictures=0)), tmp_path / "none", Stopwatch())
+    assert "no annotations" in text
+    assert not (tmp_path / "none" / "curves.png").exists()
+
+
+def test_one_image_against_two_maps_is_drawn_as_one(made):
+    config, found, _, _ = made
+    twice = measured(config, (found[1], replace(found[1], pair=("B", "C"))))
+    once = measured(config, found[1:2])
+    for row, single in zip(twice.rows, once.rows, strict=True):
+        assert row.method == single.method
+    centre = {row.method: row.pooled[20] for row in twice.rows}["centre blob"]
+    alone = {row.method: row.pooled[20] for row in once.rows}["centre blob"]
+    assert (centre.low, centre.high) == (alone.low, alone.high)  # as wide as with half the queries
+    assert twice.recall == once.recall

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,7 @@ from fdslam.data.embedded import load_campus
 from fdslam.data.images import read_image
 from fdslam.data.nclt.poses import MICROSECONDS
 from fdslam.data.nclt.sessions import SEASONS
+from fdslam.errors import InputError
 from fdslam.store import Store
 from fdslam.types import Frame
 
@@ -104,7 +106,15 @@ def main() -> None:
     parser.add_argument("--store", default="outputs/store", help="where rendered images are kept and looked for")
     options = vars(parser.parse_args())
     folder, store = options.pop("folder"), options.pop("store")
-    write_campus(folder, Campus(**options, all_pairs=True), Store(store))
+    try:
+        if folder.exists() and any(folder.iterdir()):
+            raise InputError(f"{folder}: is not empty; name a new folder")
+        if options["width"] > options["height"]:
+            raise InputError("NCLT's upright images are portrait: give a --height of at least the --width")
+        write_campus(folder, Campus(**options, all_pairs=True), Store(store))
+    except InputError as error:
+        print(f"campus_as_nclt: {error}", file=sys.stderr)
+        sys.exit(2)
     print(f"dataset=nclt dataset.root={folder} dataset.every=0")
 
 

@@ -21,7 +21,7 @@ class Dataset(Checked):
     radius: float = option(5.0, "same place by pose: distance at most this, metres", low=0)
     angle: float = option(45.0, "same place by pose: headings differ at most this, degrees", low=0, high=180)
     tolerance: int = option(3, "same place without poses: at most this many indices apart on one drive", low=0)
-    all_pairs: bool = option(False, "where there are sessions: every ordered pair, whatever `query` and `map` say")
+    all_pairs: bool = option(False, "where there are sessions: every ordered pair; `query` and `map` are then not said")
 
 
 @dataclass
@@ -66,7 +66,21 @@ class Rendering(Checked):
     height: int = option(404, "image height, pixels", low=64, high=4096)
 
 
-_SESSIONS = ("WI", "SP", "SU", "AU", "all")
+_SESSIONS = ("WI", "SP", "SU", "AU", "all", "")
+
+
+def _chosen(settings: Campus | Nclt, query: str, map: str) -> tuple[str, str]:
+    """Return the query and map session that are meant; the arguments are what is meant where nothing is said.
+
+    Raises:
+        InputError: all pairs are wanted, and a session too.
+    """
+    if settings.all_pairs and (settings.query or settings.map):
+        raise InputError(
+            f"dataset.query={settings.query} dataset.map={settings.map}: dataset.all_pairs=true, as in "
+            "experiment=table1, runs every pair; add dataset.all_pairs=false to choose"
+        )
+    return ("all", "all") if settings.all_pairs else (settings.query or query, settings.map or map)
 
 
 @dataclass
@@ -74,18 +88,22 @@ class Campus(Rendering, Dataset):
     """The embedded world: rendered on first use, deterministic in its seed and sizes."""
 
     kind: str = option("campus", "this data set", choices=("campus",))
-    query: str = option("AU", "session of the queries; all: each that is not the map's", choices=_SESSIONS)
-    map: str = option("SU", "session of the map; all: each that is not the query's", choices=_SESSIONS)
+    query: str = option("", "session of the queries, AU if not said; all: each but the map's", choices=_SESSIONS)
+    map: str = option("", "session of the map, SU if not said; all: each but the query's", choices=_SESSIONS)
     objects: int = option(1200, "annotated objects of the twelve pairs together, at most", low=0)
     distractors: int = option(288, "queries without change of the twelve pairs together, at most", low=0)
 
     def __post_init__(self) -> None:
         """Raise InputError for a value out of range, or for one session as both query and map."""
         super().__post_init__()
-        if self.query == self.map != "all" and not self.all_pairs:
-            raise InputError(
-                f"dataset.query={self.query} dataset.map={self.map}: choose two different sessions, or all"
-            )
+        query, map = self.chosen
+        if query == map != "all":
+            raise InputError(f"dataset.query={query} dataset.map={map}: choose two different sessions, or all")
+
+    @property
+    def chosen(self) -> tuple[str, str]:
+        """The query and the map session, or all."""
+        return _chosen(self, "AU", "SU")
 
 
 @dataclass
@@ -94,8 +112,8 @@ class Nclt(Dataset):
 
     kind: str = option("nclt", "this data set", choices=("nclt",))
     root: str = MISSING
-    query: str = option("all", "query session: a date, WI, SP, SU, AU, or all of `sessions`")
-    map: str = option("all", "map session, likewise; all ordered pairs of different sessions are run")
+    query: str = option("", "query session: a date, WI, SP, SU, AU, or all of `sessions`, which it is if not said")
+    map: str = option("", "map session, likewise; all ordered pairs of different sessions are run")
     sessions: list[str] = option(["2012-01-22", "2012-03-31", "2012-08-04", "2012-11-17"], "what `all` means")
     camera: str = option("Cam5", "of the Ladybug3; Cam5 looks ahead", choices=tuple(f"Cam{i}" for i in range(6)))
     undistort: bool = option(False, "undistort with U2D_CamN_1616X1232.txt before turning upright")
@@ -103,6 +121,11 @@ class Nclt(Dataset):
     seconds: float = option(0.0, "least time between images that are kept, seconds; 0: any", low=0)
     gap: float = option(1.0, "largest gap between two poses that is bridged, seconds", low=0, high=1e6)
     annotations: str = option("annotations", "folder of <query date>_<map date>.json, COCO; relative to `root`")
+
+    @property
+    def chosen(self) -> tuple[str, str]:
+        """The query and the map session, or all."""
+        return _chosen(self, "all", "all")
 
 
 DATASETS = (Folder, Pairs, Campus, Nclt)  # the options of the group `dataset`

@@ -120,7 +120,7 @@ def _pair(settings: Campus, pair: tuple[str, str], root: Path, rendered: dict[st
 
 def load_campus(settings: Campus, store: Store, workers: int) -> tuple[Dataset, ...]:
     """Return the campus, one data set for each pair of sessions that the settings name."""
-    query, map_ = ("all", "all") if settings.all_pairs else (settings.query, settings.map)
+    query, map_ = settings.chosen
     pairs = [(q, m) for q, m in PAIRS if query in (q, "all") and map_ in (m, "all")]
     sessions = [name for name in SESSIONS if any(name in pair for pair in pairs)]
     root = store.root / "campus" / VIEW.key(part(settings, Rendering), [])[:16]

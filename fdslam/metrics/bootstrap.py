@@ -32,11 +32,24 @@ class Figure:
     high: float
 
 
-def resample(queries: int, replicates: int, seed: int) -> Weights:
-    """Draw ``queries`` queries with replacement, ``replicates`` times: [R, Q] multiplicities, rows sum to Q."""
-    if not queries:
+def resample(images: Sequence[str], replicates: int, seed: int) -> Weights:
+    """Draw as many images as there are, with replacement, ``replicates`` times.
+
+    Args:
+        images: [Q] the image of each query. Queries that are one image, seen against several maps, are drawn together:
+            they are no independent observations.
+        replicates: R.
+        seed: of the draws.
+
+    Returns:
+        [R, Q] how often each query was drawn.
+    """
+    if not len(images):
         return np.zeros((replicates, 0), dtype=np.int64)
-    return generator(seed, "bootstrap").multinomial(queries, np.full(queries, 1 / queries), size=replicates)
+    distinct, image = np.unique(np.asarray(images), return_inverse=True)
+    count = len(distinct)
+    drawn = generator(seed, "bootstrap").multinomial(count, np.full(count, 1 / count), size=replicates)
+    return np.asarray(drawn[:, image], np.int64)
 
 
 def interval(value: float, replicates: NDArray[np.float64], confidence: float) -> Figure:
@@ -75,7 +88,12 @@ def percent_found(found: NDArray[np.bool_], query: NDArray[np.int64], weights: W
 
 
 def proportion(
-    hits: NDArray[np.bool_], names: Sequence[str], replicates: int, confidence: float, seed: int
+    hits: NDArray[np.bool_],
+    names: Sequence[str],
+    replicates: int,
+    confidence: float,
+    seed: int,
+    images: Sequence[str] | None = None,
 ) -> Figure | None:
     """Return the percentage of queries that hit, e.g. a recall, with its interval.
 
@@ -85,16 +103,18 @@ def proportion(
         replicates: number of resamplings.
         confidence: 0 to 1.
         seed: of the resampling.
+        images: [Q] the image of each query, where several queries are one.
 
     Returns:
         Percent; None if there are no queries.
     """
     if not len(names):
         return None
-    ordered = np.asarray(hits, dtype=bool)[sorted(range(len(names)), key=names.__getitem__)]
+    order = sorted(range(len(names)), key=names.__getitem__)
+    ordered, drawn = np.asarray(hits, dtype=bool)[order], [(images or names)[i] for i in order]
     each, once = np.arange(len(names)), np.ones((1, len(names)), dtype=np.int64)
     value = percent_found(ordered, each, once)[0]
-    return interval(value, percent_found(ordered, each, resample(len(names), replicates, seed)), confidence)
+    return interval(value, percent_found(ordered, each, resample(drawn, replicates, seed)), confidence)
 
 
 def location_replicates(

@@ -55,7 +55,7 @@ def evaluate(name: str, loc: Sequence[NDArray[np.floating]], scene: Scene, confi
     percents = sorted(set(config.X))
     values = scene.flatten(name, loc)
     ranking = accuracy.rank_cells(values, scene, seed)
-    weights = bootstrap.resample(len(scene.names), config.bootstrap, seed)
+    weights = bootstrap.resample([scene.image_of(i) for i in scene.by_name], config.bootstrap, seed)
     measure = _by_iou if config.criterion == "iou" else _by_coverage
     found_pooled, found_within = measure(ranking, scene, config.found, weights, percents)
     grades = np.empty(len(scene.objects.area), dtype=np.int64)

@@ -39,6 +39,7 @@ class Scene:
     heights: tuple[int, ...]  # [Q] pixels
     widths: tuple[int, ...]  # [Q] pixels
     boxes: tuple[NDArray[np.float32], ...]  # [Q] of [n, 4] xyxy of changed objects; [0, 4]: unchanged
+    images: tuple[str, ...] = ()  # [Q] which image each is, where several queries are one; empty: each its own
 
     def __post_init__(self) -> None:
         """Raise InputError if a name occurs twice or the fields differ in length."""
@@ -47,6 +48,10 @@ class Scene:
         if len(set(self.names)) < len(self.names):
             twice = next(n for i, n in enumerate(self.names) if n in self.names[:i])
             raise InputError(f"scene: two queries are named {twice!r}; give every query its own name")
+
+    def image_of(self, query: int) -> str:
+        """Return which image a query (as listed) is."""
+        return self.images[query] if self.images else self.names[query]
 
     @cached_property
     def by_name(self) -> tuple[int, ...]:

@@ -35,7 +35,7 @@ def _over_x(axes: Axes, rows: tuple[Row, ...], methods: int) -> None:
                 np.r_[0, at, 100], np.r_[0, found, found[-1]], where="post", label=row.method, **_style(i, methods)
             )
     axes.set(xlim=(0, 50), ylim=(0, 100), xlabel="X, % of the cells", ylabel="changed objects found, %")
-    axes.set_title("over X", fontsize=9)
+    axes.set_title("over X, all cells pooled", fontsize=9)
 
 
 def _over_y(axes: Axes, outcome: Outcome, config: Config) -> None:
@@ -46,12 +46,12 @@ def _over_y(axes: Axes, outcome: Outcome, config: Config) -> None:
         values = [np.nan if figure is None else figure.value for figure in figures]
         axes.plot(counts, values, marker="o", markersize=3.5, label=row.method, **_style(i, methods))
     axes.set(xlabel="Y, hypotheses", ylim=(0, None), xticks=counts)
-    axes.set_title(f"over Y, X = {percent} %", fontsize=9)
+    axes.set_title(f"over Y, X = {percent} %, all cells pooled", fontsize=9)
 
 
 def draw_curves(outcome: Outcome, config: Config) -> bytes | None:
     """Return the figure as PNG: every X and, where ``evaluation.curve_Y`` asks for it, Y. None: nothing to draw."""
-    if not any(row.found_at is not None and len(row.found_at) for row in outcome.rows) and not outcome.over_Y:
+    if not any(row.found_at is not None and len(row.found_at) for row in outcome.rows):
         return None
     with mpl.rc_context({"font.family": "DejaVu Sans", "font.size": 8}):
         panels = 2 if outcome.over_Y else 1

@@ -11,6 +11,7 @@ from fdslam.config import Config
 from fdslam.modes import deviations
 from fdslam.pipeline import Outcome
 
+PAIRS = 12  # ordered pairs of four sessions
 BEST_LIBRARY = {"J", "B", "BING", "YOLO"}  # the paper's
 
 
@@ -24,8 +25,10 @@ def published() -> dict[str, Any]:
 def differences(method: str, outcome: Outcome, config: Config) -> list[str]:
     """Return what is not as in the paper for a method, as far as it bears on its figures."""
     found = []
-    if outcome.dataset.name != "nclt":
+    if config.dataset.kind != "nclt":
         found.append("other images")
+    if len(outcome.pairs) != PAIRS:
+        found.append(f"{max(len(outcome.pairs), 1)} of {PAIRS} pairs of sessions")
     found.append("other annotations")  # the paper's were never published
     library = set(config.obb.library.split("+"))
     if library != BEST_LIBRARY:

@@ -73,6 +73,9 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
         f"mode {config.mode}{_but(config)}, OBBs {config.obb.library}, Y = {config.evaluation.Y}, "
         f"mask {config.mask.source}, viewpoint {config.evaluation.viewpoint}",
     ]
+    bare = sum(pair.dataset.boxes is None for pair in outcome.pairs)
+    if outcome.rows and bare:
+        lines.append(f"{bare} of {len(outcome.pairs)} pairs are not annotated and have no part in what follows")
     kept = ", ".join(f"{name} {size / 1024:.0f} KiB" for name, size in outcome.kept.items())
     lines.append(f"kept per map image: {kept}; no image")
     if all(figure is not None for figure in outcome.recall.values()):
@@ -97,16 +100,15 @@ def by_pair(outcome: Outcome, config: Config) -> Grid:
     for pair in outcome.pairs:
         boxes = pair.dataset.boxes
         recall = pair.recall[min(pair.recall)]
-        accuracy = [
-            row.pooled[percent] if config.evaluation.pool == "all" else row.per_query[percent] for row in pair.rows
-        ]
+        pooled = config.evaluation.pool == "all"
+        accuracy = {row.method: row.pooled[percent] if pooled else row.per_query[percent] for row in pair.rows}
         lines.append(
             [
                 label(pair.dataset),
                 str(len(pair.dataset.query)),
                 NOTHING if boxes is None else str(sum(map(len, boxes))),
                 NOTHING if recall is None else f"{recall.value:.1f}",
-                *(NOTHING if figure is None else f"{figure.value:.1f}" for figure in accuracy),
+                *(NOTHING if figure is None else f"{figure.value:.1f}" for figure in map(accuracy.get, methods)),
             ]
         )
     return lines

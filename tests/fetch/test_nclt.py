@@ -40,7 +40,7 @@ def published(tmp_path_factory):
     root = tmp_path_factory.mktemp("made")
     files = {"/" + TABLE: archive([(f"U2D_ALL_1616X1232/U2D_Cam{c}_1616X1232.txt", b"table %d" % c) for c in range(6)])}
     for date in (MAP, QUERY):
-        write_session(root, date, shots(4))
+        write_session(root, date, dict(enumerate(shots(4))))
         images = sorted((root / date / "lb3" / "Cam5").iterdir())
         members = [(f"{date}/lb3/Cam{c}/{p.name}", p.read_bytes() if c else b"up") for p in images for c in (0, 5)]
         files[f"/images/{date}_lb3.tar.gz"] = archive(members)

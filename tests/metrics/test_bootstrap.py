@@ -13,9 +13,12 @@ from tests.metrics.scenes import make, scenes_with_maps, ties
 PERCENTS = [5, 20, 50, 100]
 
 
+NAMES = [f"{i:02d}" for i in range(12)]
+
+
 def drawn_weights(scene, seed, replicates=4):
     """Multiplicities [R, Q] of the sorted queries, and of the listed ones for the oracle."""
-    weights = bootstrap.resample(len(scene.names), replicates, seed)
+    weights = bootstrap.resample([scene.names[i] for i in scene.by_name], replicates, seed)
     listed = np.empty_like(weights)
     listed[:, list(scene.by_name)] = weights
     return weights, listed.tolist()
@@ -126,7 +129,7 @@ def test_every_query_once_is_the_point_estimate():
 
 def test_merged_steps_move_the_curves_little():
     scene, loc = larger_scene()
-    weights = bootstrap.resample(12, 50, 0)
+    weights = bootstrap.resample(NAMES[:12], 50, 0)
     exact, merged = curve_replicates(scene, loc, weights), curve_replicates(scene, loc, weights, most=40)
     steps = bootstrap.curve_steps(np.arange(1000.0)[::-1], np.ones(1000, dtype=bool), 7)
     assert len(steps) == 7
@@ -138,13 +141,13 @@ def test_merged_steps_move_the_curves_little():
 
 
 def test_resampling_draws_as_many_queries_and_is_seeded():
-    weights = bootstrap.resample(7, 3000, 3)
+    weights = bootstrap.resample(NAMES[:7], 3000, 3)
     assert weights.shape == (3000, 7)
     assert (weights.sum(axis=1) == 7).all()
     assert np.abs(weights.mean(axis=0) - 1).max() < 0.1
-    np.testing.assert_array_equal(weights, bootstrap.resample(7, 3000, 3))
-    assert not np.array_equal(weights, bootstrap.resample(7, 3000, 4))
-    assert bootstrap.resample(0, 5, 0).shape == (5, 0)
+    np.testing.assert_array_equal(weights, bootstrap.resample(NAMES[:7], 3000, 3))
+    assert not np.array_equal(weights, bootstrap.resample(NAMES[:7], 3000, 4))
+    assert bootstrap.resample(NAMES[:0], 5, 0).shape == (5, 0)
 
 
 def test_interval_leaves_undefined_replicates_out():
@@ -170,3 +173,10 @@ def test_order_of_queries_changes_no_proportion(hits, random):
     order = random.sample(range(len(hits)), len(hits))
     one = proportion(hits, names, 20, 0.9, 0)
     assert one == proportion([hits[i] for i in order], [names[i] for i in order], 20, 0.9, 0)
+
+
+def test_queries_of_one_image_are_drawn_together():
+    weights = bootstrap.resample(["a", "b", "a", "c"], 200, 3)
+    assert np.array_equal(weights[:, 0], weights[:, 2])
+    assert (weights[:, [0, 1, 3]].sum(axis=1) == 3).all()
+    assert np.array_equal(weights[:, [0, 1, 3]], bootstrap.resample(["a", "b", "c"], 200, 3))

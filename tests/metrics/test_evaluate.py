@@ -52,7 +52,7 @@ def test_intervals_match_literal_resampling(criterion):
     found = reference.found_by_coverage if criterion == "coverage" else reference.found_by_iou
     pooled, within, others = {x: [] for x in row.pooled}, {x: [] for x in row.pooled}, []
     own = {x: found(scene, reference.selected_cells(scene, loc, ties(scene, 5), x, "query"), 0.25) for x in row.pooled}
-    for times in bootstrap.resample(12, 12, 5).tolist():  # the names are sorted as listed
+    for times in bootstrap.resample([f"{i:02d}" for i in range(12)], 12, 5).tolist():  # the names are sorted as listed
         for x in row.pooled:
             chosen = reference.selected_cells(scene, loc, ties(scene, 5), x, "all", times)
             pooled[x].append(percent(found(scene, chosen, 0.25), times, scene))

@@ -344,7 +344,7 @@ def found_by_coverage(scene, selected, share):
         for r, c in grid(scene.heights[q], scene.widths[q]):
             if (q, r, c) in selected:
                 inside += int(image[pixels_of(r, c, scene.heights[q], scene.widths[q])].sum())
-        result.append(total > 0 and Fraction(inside, total) >= Fraction(share))
+        result.append(total > 0 and Fraction(inside, total) >= Fraction(str(share)))
     return result
 
 
@@ -360,7 +360,7 @@ def found_by_iou(scene, selected, share):
         hit = False
         for k in range(1, count + 1):
             both, either = int((image & (labels == k)).sum()), int((image | (labels == k)).sum())
-            hit = hit or (bool(image.any()) and Fraction(both, either) >= Fraction(share))
+            hit = hit or (bool(image.any()) and Fraction(both, either) >= Fraction(str(share)))
         result.append(hit)
     return result
 

@@ -121,12 +121,13 @@ def test_the_paper_stands_beside_with_what_differs(made):
     assert lines["FD"][1] == "7.8 / 15.8 / 27.2 / 39.6"
     ours = next(row for row in outcome.rows if row.method == "AD").pooled
     assert lines["AD"][2] == " / ".join(f"{ours[x].value:.1f}" for x in (5, 10, 15, 20))
-    assert lines["FD"][3] == "other images; other annotations; OBBs J+B; no mask"
+    assert lines["FD"][3] == "other images; 1 of 12 pairs of sessions; other annotations; OBBs J+B; no mask"
     assert "AE of our own design; ad.k=2" in lines["FD+AD"][3]
     assert "localised by OBBs J+B" in lines["PC"][3]
     assert "ad." not in lines["FD+PC"][3]
     same = replace(config, obb=Obb("YOLO+J+B+BING"))
-    assert differences("FD", outcome, same) == ["other images", "other annotations", "no mask"]
+    expected = ["other images", "1 of 12 pairs of sessions", "other annotations", "no mask"]
+    assert differences("FD", outcome, same) == expected
     assert "| FD+AD+PC | 2.6 / 20.1 / 34.1 / 42.1 | " in table_markdown(outcome, config)
 
 

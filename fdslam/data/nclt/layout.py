@@ -82,8 +82,7 @@ def check_nclt(settings: Nclt) -> None:
 
 def chosen_pairs(settings: Nclt) -> tuple[tuple[str, str], ...]:
     """Return the (query, map) pairs of dates that the configuration names; raises InputError as ``session_pairs``."""
-    query, map = ("all", "all") if settings.all_pairs else (settings.query, settings.map)
-    return session_pairs(query, map, settings.sessions)
+    return session_pairs(*settings.chosen, settings.sessions)
 
 
 def _files(folder: Path, name: re.Pattern[str]) -> Iterator[str]:
