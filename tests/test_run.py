@@ -162,7 +162,7 @@ def test_what_a_run_leaves_behind(tmp_path):
     assert {"versions", "threads", "git_commit", "config", "seconds"} <= made.keys()
     assert made["config"]["ad"]["epochs"] == 2
     markdown = (out / "table.md").read_text()
-    assert markdown.count("\n|") == 12
+    assert markdown.count("\n|") == 12 + 8  # the table, and the paper beside it
     assert (out / "table.csv").read_text().startswith("method,pool,figure,value,low,high\nFD,all,top-5,")
     assert sorted(p.name for p in (out / "pictures").iterdir()) == ["best_01.png", "worst_01.png"]
 

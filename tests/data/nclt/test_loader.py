@@ -56,7 +56,7 @@ def test_all_ordered_pairs_share_their_frames(root, load):
     write_session(root, "2013-01-10", dict(enumerate(shots(4))))
     data = load(query="all", map="all", sessions=["SU", "AU", "2013-01-10"])
     sessions = ("SU", "AU", "2013-01-10")
-    again = load(all_pairs=True, sessions=["SU", "AU", "2013-01-10"])
+    again = load(all_pairs=True, query="", map="", sessions=["SU", "AU", "2013-01-10"])
     assert [(one.pair, one.query, one.map) for one in again] == [(one.pair, one.query, one.map) for one in data]
     assert [one.pair for one in data] == list(itertools.permutations(sessions, 2))
     assert data[0].map == data[2].query == data[3].query
