@@ -15,6 +15,11 @@ def label(dataset: Dataset) -> str:
     return "" if dataset.pair is None else "/".join(dataset.pair)
 
 
+def map_images(dataset: Dataset) -> int:
+    """Return how many different images the map has; in joined pairs a session's may stand several times."""
+    return len({frame.name for frame in dataset.map})
+
+
 def images_of(dataset: Dataset) -> list[str]:
     """Return which image each query is: the name of the first query with the same content."""
     first: dict[str, str] = {}

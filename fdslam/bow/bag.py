@@ -12,7 +12,7 @@ from fdslam import config
 from fdslam.bow import mapfile
 from fdslam.bow.documents import ObbDocuments
 from fdslam.bow.gate import Gate
-from fdslam.bow.index import InvertedFile
+from fdslam.bow.index import InvertedFile, check_sizes
 from fdslam.bow.vocabulary import Vocabulary
 from fdslam.errors import InputError
 
@@ -44,14 +44,19 @@ class BagOfWords:
 
         Returns:
             int32 [n], the words of its keypoints.
+
+        Raises:
+            InputError: more keypoints than scores hold.
+            ValueError: the map posts OBBs, and ``inside`` is missing. In either case nothing is learned.
         """
+        check_sizes([descriptors])
+        if isinstance(self.index, ObbDocuments) and inside is None:
+            raise ValueError("this map posts OBBs: say which keypoints each of the image's OBBs holds")
         with self._gate.writing():
             words = self.vocabulary.learn(descriptors)
             if isinstance(self.index, InvertedFile):
                 self.index.add([words], len(self.vocabulary))
-            elif inside is None:
-                raise ValueError("this map posts OBBs: say which keypoints each of the image's OBBs holds")
-            else:
+            elif inside is not None:
                 self.index.add([words], [inside], len(self.vocabulary))
             return words
 

@@ -125,7 +125,7 @@ class InvertedFile:
             ValueError: this is a part of a map.
         """
         self._check_whole()
-        _check_sizes(words)
+        check_sizes(words)
         self.vocabulary_size = max(self.vocabulary_size, vocabulary_size)
         if vocabulary_size > len(self._holding):  # an eighth more than asked, so that the copies cost little
             more = vocabulary_size + vocabulary_size // 8 - len(self._holding)
@@ -197,7 +197,7 @@ class InvertedFile:
         """
         if not queries:
             return np.zeros((0, self._size), np.int64)
-        _check_sizes([words for words, _ in queries])
+        check_sizes([words for words, _ in queries])
         known = [words != NO_WORD for words, _ in queries]
         found = np.concatenate([np.zeros(0, np.int32), *(w[k] for (w, _), k in zip(queries, known, strict=True))])
         distinct, column = np.unique(found, return_inverse=True)
@@ -255,8 +255,9 @@ class InvertedFile:
         return index
 
 
-def _check_sizes(words: Sequence[NDArray[np.int32]]) -> None:
-    most = max(map(len, words), default=0)
+def check_sizes(images: Sequence[NDArray]) -> None:
+    """Raise InputError if an image ([n] words or [n, 32] descriptors) has more than MOST keypoints."""
+    most = max(map(len, images), default=0)
     if most > MOST:
         raise InputError(f"an image with {most} keypoints: scores hold at most {MOST}; extract fewer (bow.features)")
 

@@ -19,6 +19,7 @@ from fdslam.data.folder import DRIVE_GAP
 from fdslam.data.images import SUFFIXES, image_size
 from fdslam.data.layouts import Pair, find_pairs
 from fdslam.data.masks import areas, read_mask
+from fdslam.data.relevance import nearest_first
 from fdslam.errors import InputError
 from fdslam.progress import in_parallel, progress
 from fdslam.store import sha256_file
@@ -119,9 +120,6 @@ def _positions(pairs: list[Pair]) -> NDArray[np.float64]:
 
 def _relevant(positions: NDArray[np.float64], ordered: list[bool], tolerance: int) -> tuple[NDArray[np.int64], ...]:
     """Return for each pair the pairs of its place, nearest first: itself alone where the set is in no order."""
-    found = []
-    for i, position in enumerate(positions):
-        distance = np.abs(positions - position)
-        near = np.flatnonzero(distance <= (tolerance if ordered[i] else 0))
-        found.append(near[np.argsort(distance[near], kind="stable")].astype(np.int64))
-    return tuple(found)
+    distances = (np.abs(positions - position) for position in positions)
+    reach = [tolerance if one else 0 for one in ordered]
+    return tuple(nearest_first(distance <= most, distance) for distance, most in zip(distances, reach, strict=True))

@@ -11,6 +11,7 @@ from fdslam.config import Config
 from fdslam.metrics import Figure
 from fdslam.modes import deviations
 from fdslam.pipeline import Outcome
+from fdslam.sessions import map_images
 
 COLUMNS = ["method", "pool", "figure", "value", "low", "high"]
 
@@ -72,7 +73,7 @@ def _measured(outcome: Outcome) -> dict[str, Any]:
         )
     data = outcome.dataset
     return {
-        "map": len({frame.name for frame in data.map}),
+        "map": map_images(data),
         "query": len(data.query),
         "boxes": None if data.boxes is None else sum(map(len, data.boxes)),
         "localization": {f"recall@{n}": _entry(figure) for n, figure in outcome.recall.items()},

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from fdslam.config import Config
-from fdslam.metrics import Figure
+from fdslam.metrics import Figure, Row
 from fdslam.modes import deviations
 from fdslam.pipeline import Outcome
 from fdslam.report.paper import beside_paper
-from fdslam.sessions import label
-from fdslam.types import Frame
+from fdslam.sessions import label, map_images
 
 Grid = list[list[str]]
 NOTHING = "–"
-
-
-def distinct(frames: Sequence[Frame]) -> int:
-    """Return the number of different images among the frames."""
-    return len({frame.name for frame in frames})
 
 
 def _figure(figure: Figure | None, digits: int) -> str:
@@ -36,6 +28,11 @@ def _value(figure: Figure | None) -> str:
     return NOTHING if figure is None else f"{figure.value:.3f}"
 
 
+def _accuracy(row: Row, config: Config) -> dict[int, Figure | None]:
+    """Return the accuracies of the configured pool."""
+    return row.pooled if config.evaluation.pool == "all" else row.per_query
+
+
 def _grid(outcome: Outcome, config: Config, compact: bool) -> Grid:
     """Head and one line per method and control; accuracies of the configured pool.
 
@@ -45,7 +42,7 @@ def _grid(outcome: Outcome, config: Config, compact: bool) -> Grid:
     names = ["AUROC", "lc-AUROC", "AP"] if compact else ["AUROC", "lc-AUROC", "AP", "F1-max"]
     lines = [["method", *(f"X = {x} %" for x in percents), *names, "solo", "co"]]
     for row in outcome.rows:
-        accuracy = row.pooled if config.evaluation.pool == "all" else row.per_query
+        accuracy = _accuracy(row, config)
         areas, lead = row.areas, outcome.leaders.get(row.method)
         lines.append(
             [
@@ -69,7 +66,7 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
     boxes = "no annotations" if data.boxes is None else f"{sum(map(len, data.boxes))} changed objects"
     which = f", {len(outcome.pairs)} pairs of sessions" if outcome.pairs else f" {label(data)}".rstrip()
     lines = [
-        f"{data.name}{which}: {distinct(data.map)} map images, {len(data.query)} queries, {boxes}",
+        f"{data.name}{which}: {map_images(data)} map images, {len(data.query)} queries, {boxes}",
         f"mode {config.mode}{_but(config)}, OBBs {config.obb.library}, Y = {config.evaluation.Y}, "
         f"mask {config.mask.source}, viewpoint {config.evaluation.viewpoint}",
     ]
@@ -100,15 +97,14 @@ def by_pair(outcome: Outcome, config: Config) -> Grid:
     for pair in outcome.pairs:
         boxes = pair.dataset.boxes
         recall = pair.recall[min(pair.recall)]
-        pooled = config.evaluation.pool == "all"
-        accuracy = {row.method: row.pooled[percent] if pooled else row.per_query[percent] for row in pair.rows}
+        found = {row.method: _accuracy(row, config)[percent] for row in pair.rows}
         lines.append(
             [
                 label(pair.dataset),
                 str(len(pair.dataset.query)),
                 NOTHING if boxes is None else str(sum(map(len, boxes))),
                 NOTHING if recall is None else f"{recall.value:.1f}",
-                *(NOTHING if figure is None else f"{figure.value:.1f}" for figure in map(accuracy.get, methods)),
+                *(NOTHING if figure is None else f"{figure.value:.1f}" for figure in map(found.get, methods)),
             ]
         )
     return lines

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from fdslam.bow import mapfile, pivots
 from fdslam.bow.bag import VERSION, BagOfWords
 from fdslam.bow.documents import ObbDocuments
-from fdslam.bow.index import InvertedFile
+from fdslam.bow.index import MOST, InvertedFile
 from fdslam.errors import InputError
 from tests.bow.test_vocabulary import SWITCHES, images, with_switches
 
@@ -62,8 +62,19 @@ def test_a_map_of_obbs_grows_shrinks_and_comes_back_as_one(tmp_path):
     assert answer(stored, query) == answer(BagOfWords(bag.vocabulary, rest), query)
     with pytest.raises(IndexError, match="map ids 3 to 3: there are 3"):
         stored.remove(np.array([3]))
+    before, known = answer(bag, query), len(bag.vocabulary)
     with pytest.raises(ValueError, match="this map posts OBBs"):
-        bag.add(session[0])
+        bag.add(images(3, count=1)[0])
+    assert answer(bag, query) == before
+    assert len(bag.vocabulary) == known
+
+
+def test_what_is_refused_is_not_learned():
+    bag = learned(PLAIN, images(0, count=3), 100_000)
+    words = len(bag.vocabulary)
+    with pytest.raises(InputError, match="scores hold at most 20000"):
+        bag.add(np.random.default_rng(0).integers(0, 256, (MOST + 1, 32), dtype=np.uint8))
+    assert (len(bag.vocabulary), bag.index.images) == (words, 3)
 
 
 def test_a_removed_session_is_never_found_again():

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from fdslam.bow.index import IDF_ONE, MOST, InvertedFile
 from fdslam.bow.lists import ranks_of
+from fdslam.config import Orb
 from fdslam.errors import InputError
 from tests import reference
 
@@ -132,6 +133,7 @@ def test_what_scores_cannot_hold_is_refused_and_the_most_they_hold_is_exact():
     exact = MOST**3 * round(np.log(2) * IDF_ONE)
     assert index.scores(many, np.ones((1, MOST), bool), "ibow")[0].tolist() == [exact, 0]
     assert MOST**3 * round(np.log(1e6) * IDF_ONE) < 2**63
+    assert Orb.__dataclass_fields__["features"].metadata["high"] == MOST
     more = np.zeros(MOST + 1, np.int32)
     for refused in (lambda: index.add([more], 2), lambda: index.scores(more, np.ones((1, MOST + 1), bool), "ibow")):
         with pytest.raises(InputError, match=r"20001 keypoints: scores hold at most 20000; .*bow\.features"):
