@@ -7,7 +7,7 @@ threads and give the bytes they give one after the other. Weights are plain dict
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
 
@@ -108,13 +108,15 @@ def input_size(height: int, width: int, pixels: int) -> tuple[int, int]:
     return rows, columns
 
 
-def prepare(images: Sequence[Image], size: tuple[int, int]) -> Tensor:
-    """Return n images [H, W, 3] uint8 RGB as the AE's input [n, 3, h, w] float32 in 0..1; ``size`` is (h, w)."""
+def prepare(images: Iterable[Image], size: tuple[int, int]) -> Tensor:
+    """Return n images [H, W, 3] uint8 RGB as the AE's input [n, 3, h, w] float32 in 0..1; ``size`` is (h, w).
+
+    They are taken one at a time, so that those of a large place need not be in memory together.
+    """
     height, width = size
-    small = np.zeros((len(images), height, width, 3), dtype=np.uint8)
-    for i, image in enumerate(images):
-        small[i] = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
-    return torch.from_numpy(small).permute(0, 3, 1, 2).to(torch.float32) / 255
+    small = [cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA) for image in images]
+    stacked = np.stack(small) if small else np.zeros((0, height, width, 3), np.uint8)
+    return torch.from_numpy(stacked).permute(0, 3, 1, 2).to(torch.float32) / 255
 
 
 def fit_place(images: Tensor, config: Autoencoder, seed: int, device: str = "cpu") -> PlaceModel:

@@ -6,11 +6,32 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import rankdata
 
 from fdslam.errors import InputError
 
 RULES = ("harmonic", "reciprocal")
+CHUNK = 1 << 20  # cells that are fused at a time
+
+
+def competition_ranks(values: NDArray[np.floating]) -> NDArray[np.integer]:
+    """Return the rank of each value, 1 for the smallest; equal values share the smallest rank of their group.
+
+    It is ``scipy.stats.rankdata(values, "min")`` in a third of the memory: pools hold up to 1e8 cells.
+
+    Args:
+        values: [N], no NaN.
+
+    Returns:
+        [N] int32, or int64 where that is not enough.
+    """
+    order = np.argsort(values)
+    rising = values[order]
+    ranks: NDArray[np.integer] = np.arange(1, len(values) + 1, dtype=np.int32 if len(values) < 2**31 else np.int64)
+    ranks[1:][rising[1:] == rising[:-1]] = 0
+    np.maximum.accumulate(ranks, out=ranks)
+    placed = np.empty_like(ranks)
+    placed[order] = ranks
+    return placed
 
 
 def fuse(maps: Sequence[Sequence[NDArray[np.floating]]], rule: str) -> list[NDArray[np.float64]]:
@@ -46,8 +67,11 @@ def fuse(maps: Sequence[Sequence[NDArray[np.floating]]], rule: str) -> list[NDAr
     if not shapes:
         return []
     sign = 1 if rule == "harmonic" else -1
-    pools = [sign * np.concatenate([np.ravel(cells) for cells in detector]) for detector in maps]
-    total = sum(np.sort([1 / rankdata(pool, method="min") for pool in pools], axis=0))
-    fused = len(maps) / total if rule == "harmonic" else total
+    ranks = [competition_ranks(sign * np.concatenate([np.ravel(cells) for cells in detector])) for detector in maps]
+    fused = np.empty(len(ranks[0]))
+    for begin in range(0, len(fused), CHUNK):  # or the reciprocals of a large pool would fill the memory
+        part = slice(begin, begin + CHUNK)
+        total = sum(np.sort([1 / rank[part] for rank in ranks], axis=0))
+        fused[part] = len(maps) / total if rule == "harmonic" else total
     parts = np.split(fused, np.cumsum([rows * cols for rows, cols in shapes])[:-1])
     return [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]

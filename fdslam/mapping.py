@@ -174,4 +174,4 @@ class BowMap:
         arrays = load(self.store, LOCALIZATION, key, partial(self._localize, frame))
         names = arrays["source"].tobytes().decode()
         boxes = Boxes(arrays["boxes"], tuple(names.split("+")) if names else ())
-        return Localization(boxes, arrays["ranks"].astype(np.int32), arrays["strong"], arrays["library"])
+        return Localization(boxes, arrays["ranks"], arrays["strong"], arrays["library"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,8 +20,8 @@ from fdslam.mask import apply_masks, load_masks
 from fdslam.metrics import Figure, Leader, Row, Scene, evaluate, leaders, proportion
 from fdslam.progress import progress, single_threaded
 from fdslam.provenance import Stopwatch
-from fdslam.sessions import images_of, joined
-from fdslam.store import Store
+from fdslam.sessions import identities, joined
+from fdslam.store import Key, Store
 from fdslam.types import Dataset, Localization
 
 RECALL_AT = (1, 5, 10)
@@ -37,24 +37,67 @@ class Outcome:
     localizations: tuple[Localization, ...]  # per query, in the map of its pair
     hypotheses: tuple[NDArray[np.int64], ...]  # per query up to Y map ids of ``dataset``, best first
     recall: dict[int, Figure | None]  # n -> percent of the queries with a true place in the first n of the strong list
-    maps: dict[str, Maps]  # per row of the table and per control, after the mask
+    maps: Mapping[str, Maps]  # per row of the table and per control, after the mask; made when asked for
     rows: tuple[Row, ...]  # methods, then controls; empty without annotations
     leaders: dict[str, Leader]  # per method; empty without annotated boxes
     kept: dict[str, float]  # bytes per map image of the bag of words, and what each detector keeps beside it
-    pairs: tuple[Outcome, ...] = ()  # the same, less ``maps``, of each pair of sessions alone, where there are several
+    pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
     over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """One pair of sessions, localised and looked at by every detector."""
+class _Located:
+    """One pair of sessions, localised."""
 
     dataset: Dataset
     localizations: tuple[Localization, ...]
+    keys: tuple[Key, ...]  # per query, addresses of the above
+    masks: list[NDArray[np.bool_]] | None
+    kept: float  # bytes of the bag of words per map image
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """One pair of sessions, looked at by every detector."""
+
+    located: _Located
     hypotheses: tuple[NDArray[np.int64], ...]
     found: dict[str, Maps]  # per detector
-    masks: list[NDArray[np.bool_]] | None
     kept: dict[str, float]
+
+
+class _Fused(Mapping[str, Maps]):
+    """The maps of every row and control. Each is made when it is asked for: those of a large pool together fill GBs."""
+
+    def __init__(self, config: Config, seen: Sequence[_Seen]) -> None:
+        self._rows, self._rule, self._seed = config.mix.rows, config.mix.rule, config.seed
+        self._methods = (*config.mix.rows, *CONTROLS, "objectness")
+        self._found = {name: [cells for one in seen for cells in one.found[name]] for name in seen[0].found}
+        located = [one.located for one in seen]
+        self._masks = None if located[0].masks is None else [mask for one in located for mask in one.masks or ()]
+        self._names = identities([one.dataset for one in located])
+        self._frames = [frame for one in located for frame in one.dataset.query]
+        self._obbs = [found.library for one in located for found in one.localizations]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._methods)
+
+    def __len__(self) -> int:
+        return len(self._methods)
+
+    def __getitem__(self, name: str) -> Maps:
+        return apply_masks(self._made(name), self._masks)
+
+    def _made(self, name: str) -> Maps:
+        if name in self._rows:
+            parts = [self._found[part] for part in name.split("+")]
+            return parts[0] if len(parts) == 1 else list(fuse(parts, self._rule))
+        heights, widths = [frame.height for frame in self._frames], [frame.width for frame in self._frames]
+        if name in CONTROLS:
+            return list(control(name, self._names, heights, widths, self._seed))
+        if name == "objectness":  # the OBBs of the library: with fixed templates alone that is a fixed map
+            return [objectness(obbs, h, w) for obbs, h, w in zip(self._obbs, heights, widths, strict=True)]
+        raise KeyError(name)
 
 
 def run(config: Config, watch: Stopwatch) -> Outcome:
@@ -71,48 +114,50 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
         datasets = load_datasets(config.dataset, store, config.workers)
         for dataset in datasets:
             _check_truth(config, dataset)
-    seen = [_see(config, dataset, store, watch) for dataset in datasets]
+    located = [_locate(config, dataset, store, watch) for dataset in datasets]
+    seen = [_see(config, one, store, watch) for one in located]
     # Pairs without annotations, where others have some, have no part in the table of all.
-    annotated = [one for one in seen if one.dataset.boxes is not None] or seen
+    annotated = [one for one in seen if one.located.dataset.boxes is not None] or seen
     outcome = _outcome(config, annotated, watch)
-    pairs = tuple(replace(_outcome(config, [one], watch), maps={}) for one in seen) if len(seen) > 1 else ()
-    over = _over_Y(config, outcome, [one.dataset for one in annotated], store, watch)
+    pairs = tuple(_outcome(config, [one], watch) for one in seen) if len(seen) > 1 else ()
+    over = _over_Y(config, outcome, [one.located for one in annotated], store, watch)
     return replace(outcome, pairs=pairs, over_Y=over)
 
 
-def _see(config: Config, dataset: Dataset, store: Store, watch: Stopwatch) -> _Seen:
+def _locate(config: Config, dataset: Dataset, store: Store, watch: Stopwatch) -> _Located:
     with watch.stage("data"):
         masks = load_masks(dataset, config.mask)
     with watch.stage("map and localisation"):
         bow = BowMap(dataset.map, config.bow, config.obb.library, store, config.workers)
         keys, localizations = bow.localize(dataset.query)
-    hypotheses = _hypotheses(config, dataset, localizations)
-    context = Context(config, dataset, store, tuple(localizations), tuple(keys), hypotheses)
+        return _Located(dataset, tuple(localizations), tuple(keys), masks, bow.kept())
+
+
+def _see(config: Config, located: _Located, store: Store, watch: Stopwatch) -> _Seen:
+    hypotheses = _hypotheses(config, located)
+    context = Context(config, located.dataset, store, located.localizations, located.keys, hypotheses)
     found: dict[str, Maps] = {}
-    kept = {"bag of words": bow.kept()}
+    kept = {"bag of words": located.kept}
     for name in dict.fromkeys(part for row in config.mix.rows for part in row.split("+")):
         with watch.stage(name):
             detected = DETECTORS[name](context)
             found[name], kept[name] = list(detected.loc), detected.kept
-    return _Seen(dataset, context.localizations, hypotheses, found, masks, kept)
+    return _Seen(located, hypotheses, found, kept)
 
 
 def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome:
     """Fuse, mask and measure: all cells of all queries of these pairs are one pool."""
-    dataset = joined([one.dataset for one in seen])
-    localizations = tuple(found for one in seen for found in one.localizations)
-    with watch.stage("fusion"):
-        found = {name: [cells for one in seen for cells in one.found[name]] for name in seen[0].found}
-        masks = None if seen[0].masks is None else [mask for one in seen for mask in one.masks or ()]
-        maps = {row: _row(row, found, config.mix.rule) for row in config.mix.rows}
-        maps |= _controls(dataset, localizations, config.seed)
-        maps = {name: apply_masks(loc, masks) for name, loc in maps.items()}
-    with watch.stage("evaluation"):
-        rows = _evaluate(maps, dataset, config)
-        recall = {n: _recall(n, seen, dataset, config) for n in RECALL_AT}
+    datasets = [one.located.dataset for one in seen]
+    dataset = joined(datasets)
+    localizations = tuple(found for one in seen for found in one.located.localizations)
+    maps = _Fused(config, seen)
+    names = identities(datasets)
+    with watch.stage("fusion and evaluation"):
+        rows = _evaluate(maps, [*maps], dataset, names, config)
+        recall = {n: _recall(n, [one.located for one in seen], names, config) for n in RECALL_AT}
         grades = {row.method: row.grades for row in rows if row.method in config.mix.rows}
         lead = leaders(grades, otherwise=len(set(config.evaluation.X))) or {}
-    images = np.array([len(one.dataset.map) for one in seen])
+    images = np.array([len(one.map) for one in datasets])
     kept = {name: float(np.average([one.kept[name] for one in seen], weights=images)) for name in seen[0].kept}
     starts = np.cumsum(images) - images
     hypotheses = tuple(h + start for one, start in zip(seen, starts, strict=True) for h in one.hypotheses)
@@ -120,16 +165,19 @@ def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome
 
 
 def _over_Y(
-    config: Config, outcome: Outcome, datasets: Sequence[Dataset], store: Store, watch: Stopwatch
+    config: Config, outcome: Outcome, located: Sequence[_Located], store: Store, watch: Stopwatch
 ) -> dict[int, tuple[Row, ...]]:
-    """Return the rows at each Y of ``evaluation.curve_Y``; their intervals are not used, so they are few draws."""
+    """Return the methods' rows at each Y of ``evaluation.curve_Y``; their intervals are not used, so draws are few."""
     rows: dict[int, tuple[Row, ...]] = {}
+    names = identities([one.dataset for one in located])
     for y in sorted(set(config.evaluation.curve_Y)) if outcome.rows else ():
         if y == config.evaluation.Y:
-            rows[y] = outcome.rows
+            rows[y] = tuple(row for row in outcome.rows if row.method in config.mix.rows)
             continue
         other = replace(config, evaluation=replace(config.evaluation, Y=y, bootstrap=FEWEST_DRAWS))
-        rows[y] = _outcome(other, [_see(other, dataset, store, watch) for dataset in datasets], watch).rows
+        maps = _Fused(other, [_see(other, one, store, watch) for one in located])
+        with watch.stage("fusion and evaluation"):
+            rows[y] = tuple(_evaluate(maps, config.mix.rows, outcome.dataset, names, other))
     return rows
 
 
@@ -146,58 +194,41 @@ def _check_truth(config: Config, dataset: Dataset) -> None:
         )
 
 
-def _hypotheses(config: Config, dataset: Dataset, found: list[Localization]) -> tuple[NDArray[np.int64], ...]:
+def _hypotheses(config: Config, located: _Located) -> tuple[NDArray[np.int64], ...]:
     """Top-Y of the strong list or, for ``viewpoint: true``, of the true place (empty where the map lacks it)."""
     if config.evaluation.viewpoint == "predicted":
-        return tuple(one.strong[: config.evaluation.Y].astype(np.int64) for one in found)
-    assert dataset.relevant is not None  # by _check_truth
-    return tuple(places[: config.evaluation.Y] for places in dataset.relevant)
+        return tuple(one.strong[: config.evaluation.Y].astype(np.int64) for one in located.localizations)
+    assert located.dataset.relevant is not None  # by _check_truth
+    return tuple(places[: config.evaluation.Y] for places in located.dataset.relevant)
 
 
-def _row(row: str, found: dict[str, Maps], rule: str) -> Maps:
-    names = row.split("+")
-    return found[row] if len(names) == 1 else list(fuse([found[name] for name in names], rule))
-
-
-def _controls(dataset: Dataset, found: Sequence[Localization], seed: int) -> dict[str, Maps]:
-    """LoC that knows nothing of the map: whatever does not beat it has shown nothing (§Performance).
-
-    Objectness counts the OBBs of the library; with fixed templates alone that is a fixed map.
-    """
-    names, heights, widths = zip(*((frame.name, frame.height, frame.width) for frame in dataset.query), strict=True)
-    maps: dict[str, Maps] = {kind: list(control(kind, names, heights, widths, seed)) for kind in CONTROLS}
-    maps["objectness"] = [objectness(one.library, h, w) for one, h, w in zip(found, heights, widths, strict=True)]
-    return maps
-
-
-def _evaluate(maps: dict[str, Maps], dataset: Dataset, config: Config) -> list[Row]:
+def _evaluate(
+    maps: Mapping[str, Maps], methods: Sequence[str], dataset: Dataset, names: list[str], config: Config
+) -> list[Row]:
     if dataset.boxes is None:
         return []
     scene = Scene(
-        tuple(frame.name for frame in dataset.query),
+        tuple(names),
         tuple(frame.height for frame in dataset.query),
         tuple(frame.width for frame in dataset.query),
         dataset.boxes,
-        tuple(images_of(dataset)),
+        images=tuple(frame.digest for frame in dataset.query),
+        shown=tuple(frame.name for frame in dataset.query),
     )
-    return list(
-        progress(
-            (evaluate(name, loc, scene, config.evaluation, config.seed) for name, loc in maps.items()),
-            len(maps),
-            "evaluation",
-        )
-    )
+    measured = (evaluate(name, maps[name], scene, config.evaluation, config.seed) for name in methods)
+    return list(progress(measured, len(methods), "evaluation"))
 
 
-def _recall(n: int, seen: Sequence[_Seen], dataset: Dataset, config: Config) -> Figure | None:
-    if dataset.relevant is None:
+def _recall(n: int, located: Sequence[_Located], names: list[str], config: Config) -> Figure | None:
+    if any(one.dataset.relevant is None for one in located):
         return None
     hits = np.array(
         [
             not found.lost and np.isin(found.strong[:n], true).any()
-            for one in seen
+            for one in located
             for found, true in zip(one.localizations, one.dataset.relevant or (), strict=True)
         ]
     )
-    names, drawn = [frame.name for frame in dataset.query], config.evaluation
-    return proportion(hits, names, drawn.bootstrap, drawn.confidence, config.seed, images_of(dataset))
+    images = [frame.digest for one in located for frame in one.dataset.query]
+    drawn = config.evaluation
+    return proportion(hits, names, drawn.bootstrap, drawn.confidence, config.seed, images)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -20,10 +21,22 @@ def map_images(dataset: Dataset) -> int:
     return len({frame.name for frame in dataset.map})
 
 
-def images_of(dataset: Dataset) -> list[str]:
-    """Return which image each query is: the name of the first query with the same content."""
-    first: dict[str, str] = {}
-    return [first.setdefault(frame.digest, frame.name) for frame in dataset.query]
+def identities(datasets: Sequence[Dataset]) -> list[str]:
+    """Return what tells the queries of all pairs apart and seeds what is random about them: image and pair.
+
+    Not the name: one world gives one table, whatever its files are called and wherever they lie. Queries of a pair
+    with the same content are told apart by the order of their names.
+    """
+    found = []
+    for one in datasets:
+        pair = label(one) if len(datasets) > 1 else ""  # alone it needs no name, and a folder has none
+        times = Counter[str]()
+        number: dict[str, int] = {}
+        for frame in sorted(one.query, key=lambda frame: frame.name):
+            number[frame.name] = times[frame.digest]
+            times[frame.digest] += 1
+        found += [f"{frame.digest} {number[frame.name]} {pair}" for frame in one.query]
+    return found
 
 
 def joined(datasets: Sequence[Dataset]) -> Dataset:

@@ -32,7 +32,7 @@ def grid_shape(height: int, width: int) -> tuple[int, int]:
 class Frame:
     """One image of a session, not yet decoded."""
 
-    name: str  # path inside the data set, e.g. "query/0001.jpg": unique, and the seed of whatever is random about it
+    name: str  # path inside the data set, e.g. "query/0001.jpg": unique
     path: Path
     digest: str  # sha256 of the file's bytes
     height: int  # pixels
@@ -75,7 +75,7 @@ class Localization:
     """Weak and strong self-localisation of one query (§FD)."""
 
     boxes: Boxes  # the J OBBs that hold enough keypoints to say anything
-    ranks: NDArray[np.int32]  # [J, M] r_j(m): rank of every map image in every weak list, 1 = best
+    ranks: NDArray[np.integer]  # [J, M] r_j(m): rank of every map image in every weak list, 1 = best
     strong: NDArray[np.int32]  # [M] map ids by falling relevance: the strong list
     library: NDArray[np.float32]  # [B, 4] xyxy of all OBBs of the library, those included that say nothing
 

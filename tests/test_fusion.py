@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.stats import rankdata
 
+from fdslam import fusion
 from fdslam.errors import InputError
-from fdslam.fusion import RULES, fuse
+from fdslam.fusion import RULES, competition_ranks, fuse
 from tests import reference
 
 SHAPES = [(2, 3), (1, 4), (3, 1)]
@@ -82,3 +85,19 @@ def test_bad_input(maps, rule, message):
 
 def test_no_queries():
     assert fuse([[], []], "harmonic") == []
+
+
+@settings(max_examples=100, deadline=None)
+@given(arrays(np.float32, st.integers(0, 60), elements=st.sampled_from([-2.0, -0.0, 0.0, 1.0, 1.5, 7.0])))
+def test_competition_ranks_are_those_of_scipy(values):
+    assert np.array_equal(competition_ranks(values), rankdata(values, method="min"))
+
+
+@settings(max_examples=40, deadline=None)
+@given(detectors(), st.sampled_from(RULES), st.integers(1, 50))
+def test_chunks_of_any_size_give_the_same(maps, rule, chunk):
+    whole = fuse(maps, rule)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fusion, "CHUNK", chunk)
+        again = fuse(maps, rule)
+    assert all(np.array_equal(one, two) for one, two in zip(whole, again, strict=True))

@@ -118,7 +118,7 @@ def test_the_curve_over_y_is_what_a_run_at_that_y_finds(made):
     config, found, outcome, _ = made
     assert sorted(outcome.over_Y) == [1, 3]
     other = measured(replace(config, evaluation=replace(QUICK, Y=3, curve_Y=[])), found)
-    for row, again in zip(outcome.over_Y[3], other.rows, strict=True):
+    for row, again in zip(outcome.over_Y[3], other.rows[:3], strict=True):
         assert {x: f.value for x, f in row.pooled.items()} == {x: f.value for x, f in again.pooled.items()}
 
 

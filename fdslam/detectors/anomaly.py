@@ -101,7 +101,7 @@ def fit_places(context: Context) -> tuple[NDArray[np.int64], list[Key], tuple[Pl
     settings = {**part(config.ad, Autoencoder), "seed": config.seed, "device": config.device.split(":")[0]}
 
     def fit(place: int) -> Arrays:
-        images = prepare([read_image(frame.path) for frame in members[place]], size)
+        images = prepare((read_image(frame.path) for frame in members[place]), size)
         return _pack(fit_place(images, config.ad, config.seed, config.device))
 
     keys = [MODEL.key({**settings, "size": size}, [frame.digest for frame in frames]) for frames in members]

@@ -79,7 +79,7 @@ def detect(context: Context) -> Detected:
 
     def cells(query: int) -> Arrays:
         frame, found = context.dataset.query[query], context.localizations[query]
-        ranks = found.ranks[:, context.hypotheses[query]]
+        ranks = found.ranks[:, context.hypotheses[query]].astype(np.int32)
         return {"loc": loc_cells(found.boxes.xyxy, ranks, frame.height, frame.width, context.config.fd)}
 
     keys = [

@@ -7,6 +7,7 @@ the seed, the query's name and the cell's place in its query. The first K = floo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from scipy import ndimage
 
 from fdslam.metrics.cells import at_least, cell_areas
 from fdslam.metrics.scene import Scene
-from fdslam.metrics.seeds import generator
 
 EIGHT = np.ones((3, 3), dtype=bool)  # neighbours of a cell: also across the corner
 
@@ -23,9 +23,9 @@ EIGHT = np.ones((3, 3), dtype=bool)  # neighbours of a cell: also across the cor
 class Ranking:
     """One method's cells, sorted."""
 
-    order: NDArray[np.int64]  # [N] cells by falling LoC, over all queries
-    position: NDArray[np.int64]  # [N] per cell its place in that order, 1 = largest LoC
-    within: NDArray[np.int64]  # [N] per cell its place among the cells of its own query, 1 = largest LoC
+    order: NDArray[np.integer]  # [N] cells by falling LoC, over all queries; int32 where that is enough
+    position: NDArray[np.integer]  # [N] per cell its place in that order, 1 = largest LoC
+    within: NDArray[np.integer]  # [N] per cell its place among the cells of its own query, 1 = largest LoC
 
 
 def rank_cells(values: NDArray[np.floating], scene: Scene, seed: int) -> Ranking:
@@ -39,13 +39,14 @@ def rank_cells(values: NDArray[np.floating], scene: Scene, seed: int) -> Ranking
     Returns:
         The ranking. Its restriction to a query does not depend on the other queries.
     """
-    keys = [generator(seed, "ties", scene.names[i]).random(n) for i, n in zip(scene.by_name, scene.sizes, strict=True)]
-    order = np.lexsort((np.concatenate([np.zeros(0), *keys]), -values))
-    numbers = np.arange(1, len(values) + 1)
+    by_chance = scene.by_chance(seed)
+    order = by_chance[np.argsort(-values[by_chance], kind="stable")]
+    numbers = np.arange(1, len(values) + 1, dtype=order.dtype)
     position, within = np.empty_like(order), np.empty_like(order)
     position[order] = numbers
-    by_query = order[np.argsort(scene.query_of[order], kind="stable")]
-    within[by_query] = numbers - scene.starts[scene.query_of[by_query]]
+    for begin, end in pairwise(scene.starts):
+        own = within[begin:end]
+        own[np.argsort(position[begin:end])] = numbers[: end - begin]
     return Ranking(order, position, within)
 
 
@@ -54,7 +55,7 @@ def cut(cells: NDArray[np.int64] | int, percent: int) -> NDArray[np.int64]:
     return np.asarray(cells, dtype=np.int64) * percent // 100
 
 
-def needed_positions(place: NDArray[np.int64], scene: Scene, found: float) -> NDArray[np.int64]:
+def needed_positions(place: NDArray[np.integer], scene: Scene, found: float) -> NDArray[np.int64]:
     """Return how many cells must be selected before each object is found.
 
     Coverage only grows with K, so one number per object answers for every X: it is found if and only if p_o <= K.
@@ -80,7 +81,7 @@ def needed_positions(place: NDArray[np.int64], scene: Scene, found: float) -> ND
     return needed
 
 
-def prefix_counts(query: NDArray[np.int64], cuts: NDArray[np.int64], queries: int) -> NDArray[np.int64]:
+def prefix_counts(query: NDArray[np.integer], cuts: NDArray[np.int64], queries: int) -> NDArray[np.int64]:
     """Count the cells of every query among the first cells of an order.
 
     Args:
@@ -91,15 +92,14 @@ def prefix_counts(query: NDArray[np.int64], cuts: NDArray[np.int64], queries: in
     Returns:
         [c, Q] at [i, q] how many of the first ``cuts[i]`` cells belong to q.
     """
-    if not len(cuts):
-        return np.zeros((0, queries), dtype=np.int64)
-    step = np.repeat(np.arange(len(cuts)), np.diff(cuts, prepend=0))
-    counts = np.bincount(step * queries + query[: cuts[-1]], minlength=len(cuts) * queries)
-    return np.cumsum(counts.reshape(len(cuts), queries), axis=0)
+    counts = np.zeros((len(cuts), queries), dtype=np.int64)
+    for i, (begin, end) in enumerate(pairwise([0, *cuts])):
+        counts[i] = np.bincount(query[begin:end], minlength=queries)
+    return np.cumsum(counts, axis=0, out=counts)
 
 
 def found_by_iou(
-    within: NDArray[np.int64], selected: NDArray[np.int64], scene: Scene, found: float
+    within: NDArray[np.integer], selected: NDArray[np.int64], scene: Scene, found: float
 ) -> NDArray[np.bool_]:
     """Tell which objects equal a connected component of the selected cells closely enough (criterion ``iou``).
 
@@ -126,7 +126,7 @@ def found_by_iou(
 
 
 def _found_in_query(
-    within: NDArray[np.int64], k: int, q: int, mine: NDArray[np.int64], scene: Scene, found: float
+    within: NDArray[np.integer], k: int, q: int, mine: NDArray[np.int64], scene: Scene, found: float
 ) -> list[bool]:
     """Tell which of the objects ``mine`` of query ``q`` are found by the components of its first ``k`` cells."""
     begin, end = scene.starts[q], scene.starts[q + 1]

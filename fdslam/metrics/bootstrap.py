@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.metrics.accuracy import cut, prefix_counts
+from fdslam.metrics.curves import thresholds
 from fdslam.metrics.seeds import generator
 
 STEPS = 16_384  # thresholds of a replicated curve; beyond, neighbours are merged (see ``curve_steps``)
@@ -146,7 +147,7 @@ def location_replicates(
 
 def found_in_pool(
     needed: NDArray[np.int64],
-    order: NDArray[np.int64],
+    order: NDArray[np.integer],
     sizes: NDArray[np.int64],
     weights: Weights,
     percents: Sequence[int],
@@ -176,7 +177,7 @@ def found_in_pool(
 
 
 def selected_in_pool(
-    order: NDArray[np.int64], sizes: NDArray[np.int64], weights: Weights, percents: Sequence[int]
+    order: NDArray[np.integer], sizes: NDArray[np.int64], weights: Weights, percents: Sequence[int]
 ) -> NDArray[np.int64]:
     """Return how many cells of every query are selected in every replicate, all cells ranked together.
 
@@ -210,11 +211,8 @@ def curve_steps(values: NDArray[np.floating], positive: NDArray[np.bool_], most:
     Returns:
         [g, 2] half-open intervals of places in the order.
     """
-    ends = np.append(np.flatnonzero(values[1:] != values[:-1]) + 1, len(values))[: len(values)]
-    begins = np.concatenate([[0], ends])[: len(ends)].astype(np.int64)
-    hits = np.concatenate([[0], np.cumsum(positive)])
-    holds = hits[ends] > hits[begins]
-    steps = np.stack([begins[holds], ends[holds]], axis=1)
+    curve = thresholds(values, positive)
+    steps = np.stack([curve.above, curve.selected], axis=1)
     if len(steps) <= most:
         return steps
     last = np.arange(1, most + 1) * len(steps) // most
@@ -222,7 +220,7 @@ def curve_steps(values: NDArray[np.floating], positive: NDArray[np.bool_], most:
 
 
 def _curve_counts(
-    steps: NDArray[np.int64], query: NDArray[np.int64], positive: NDArray[np.bool_], queries: int, chunk: int
+    steps: NDArray[np.int64], query: NDArray[np.integer], positive: NDArray[np.bool_], queries: int, chunk: int
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Yield for ``chunk`` steps at a time the changed and all cells of each query before begin and end: [c, 2, Q]."""
     carry = np.zeros((2, queries), dtype=np.int64)
@@ -239,7 +237,7 @@ def _curve_counts(
 
 
 def curve_replicates(
-    steps: NDArray[np.int64], query: NDArray[np.int64], positive: NDArray[np.bool_], weights: Weights
+    steps: NDArray[np.int64], query: NDArray[np.integer], positive: NDArray[np.bool_], weights: Weights
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return AUROC, average precision and F1-max of the cells in every replicate.
 

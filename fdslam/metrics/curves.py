@@ -2,68 +2,69 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.metrics.scene import Scene
 
 
-def thresholds(
-    values: NDArray[np.floating], positive: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Count what is selected at every distinct value, taken as the threshold, from the largest down.
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What is selected as the threshold falls, at every distinct value that a changed cell has.
+
+    Elsewhere neither recall steps nor F1 can rise, so that nothing is lost and a pool of 1e8 cells stays small.
+    """
+
+    above: NDArray[np.int64]  # [t] cells above each value
+    selected: NDArray[np.int64]  # [t] cells at or above it
+    hits: NDArray[np.int64]  # [t] changed cells at or above it
+    cells: int  # N, of all values
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """[t] changed cells at each value, at least 1."""
+        return np.diff(self.hits, prepend=0)
+
+
+def thresholds(falling: NDArray[np.floating], positive: NDArray[np.bool_]) -> Curve:
+    """Count what is selected at every distinct value that a changed cell has, from the largest down.
 
     Args:
-        values: [n] LoC, no NaN. Sorted input costs no time.
-        positive: [n] whether the cell is changed.
-
-    Returns:
-        (hits, selected), both [t]: changed cells, and all cells, at or above each threshold; t = 0 for n = 0.
+        falling: [N] LoC by falling value, no NaN.
+        positive: [N] whether the cell is changed, in the same order.
     """
-    order = np.argsort(-values, kind="stable")
-    falling = values[order]
-    ends = np.append(np.flatnonzero(falling[1:] != falling[:-1]) + 1, len(falling))[: len(falling)]
-    return np.cumsum(positive[order], dtype=np.int64)[ends - 1], ends
+    changed = np.flatnonzero(positive)
+    borders = np.concatenate([[0], np.flatnonzero(falling[1:] != falling[:-1]) + 1, [len(falling)]])
+    groups = np.unique(np.searchsorted(borders, changed, "right")) if len(changed) else np.zeros(0, np.int64)
+    above, selected = borders[groups - 1], borders[groups]
+    return Curve(above, selected, np.searchsorted(changed, selected), len(falling))
 
 
-def auroc(hits: NDArray[np.int64], selected: NDArray[np.int64]) -> float | None:
-    """Return P(a changed cell has a larger LoC than an unchanged one), ties counting half; None without both kinds.
-
-    Args:
-        hits: [t] from ``thresholds``.
-        selected: [t] from ``thresholds``.
-    """
-    changed = int(hits[-1]) if len(hits) else 0
-    unchanged = int(selected[-1]) - changed if len(selected) else 0
+def auroc(curve: Curve) -> float | None:
+    """Return P(a changed cell has a larger LoC than an unchanged one), ties counting half; None without both kinds."""
+    changed = int(curve.hits[-1]) if len(curve.hits) else 0
+    unchanged = curve.cells - changed
     if not changed or not unchanged:
         return None
-    false = selected - hits
-    below = unchanged - (false + np.concatenate([[0], false[:-1]])) / 2  # unchanged cells below, ties half
-    return float(np.diff(hits, prepend=0) @ below / (changed * unchanged))
+    false_above, false = curve.above - (curve.hits - curve.steps), curve.selected - curve.hits
+    below = unchanged - (false_above + false) / 2  # unchanged cells below, ties half
+    return float(curve.steps @ below / (changed * unchanged))
 
 
-def average_precision(hits: NDArray[np.int64], selected: NDArray[np.int64]) -> float | None:
-    """Return Σ (recall step × precision) over the thresholds, as scikit-learn defines it; None without changed cells.
-
-    Args:
-        hits: [t] from ``thresholds``.
-        selected: [t] from ``thresholds``.
-    """
-    if not len(hits) or not hits[-1]:
+def average_precision(curve: Curve) -> float | None:
+    """Return Σ (recall step × precision), as scikit-learn defines it; None without changed cells."""
+    if not len(curve.hits):
         return None
-    return float(np.sum(np.diff(hits, prepend=0) * (hits / selected)) / hits[-1])
+    return float(np.sum(curve.steps * (curve.hits / curve.selected)) / curve.hits[-1])
 
 
-def f1_max(hits: NDArray[np.int64], selected: NDArray[np.int64]) -> float | None:
-    """Return the largest F1 = 2 hits / (selected + changed) over the thresholds; None without changed cells.
-
-    Args:
-        hits: [t] from ``thresholds``.
-        selected: [t] from ``thresholds``.
-    """
-    if not len(hits) or not hits[-1]:
+def f1_max(curve: Curve) -> float | None:
+    """Return the largest F1 = 2 hits / (selected + changed) over the thresholds; None without changed cells."""
+    if not len(curve.hits):
         return None
-    return float(np.max(2 * hits / (selected + hits[-1])))
+    return float(np.max(2 * curve.hits / (curve.selected + curve.hits[-1])))
 
 
 def location_matrix(values: NDArray[np.floating], scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -81,17 +82,14 @@ def location_matrix(values: NDArray[np.floating], scene: Scene) -> tuple[NDArray
     objects = scene.objects
     shape = (len(objects.area), len(scene.unchanged))
     a, valid = np.zeros(shape), np.zeros(shape, dtype=bool)
-    stacks = {}
-    for grid in {scene.shapes[q] for q in objects.query}:
-        same = np.array([u for u, q in enumerate(scene.unchanged) if scene.shapes[q] == grid], dtype=np.int64)
-        cells_of = scene.starts[scene.unchanged[same]][:, None] + np.arange(grid[0] * grid[1])
-        stacks[grid] = (same, values[cells_of])
+    shapes = [scene.shapes[q] for q in scene.unchanged]
     for o, (q, cells) in enumerate(zip(objects.query, objects.positive, strict=True)):
-        same, maps = stacks[scene.shapes[q]]
+        same = np.flatnonzero([grid == scene.shapes[q] for grid in shapes])
         n = len(cells)
         if not n or not len(same):
             continue
-        own, others = np.sort(values[cells]), maps[:, cells - scene.starts[q]]
+        places = scene.starts[scene.unchanged[same]][:, None] + (cells - scene.starts[q])
+        own, others = np.sort(values[cells]), values[places]
         not_above = np.searchsorted(own, others, "left") + np.searchsorted(own, others, "right")  # twice: ties half
         a[o, same] = (2 * n * n - not_above.sum(axis=1)) / (2 * n * n)
         valid[o, same] = True

@@ -131,8 +131,8 @@ def _curves(
 ) -> tuple[Figure | None, Figure | None, Figure | None]:
     """Return AUROC, average precision and F1-max of the cells."""
     falling, positive = values[ranking.order], scene.positive[ranking.order]
-    points = curves.thresholds(falling, positive)
-    estimates = (curves.auroc(*points), curves.average_precision(*points), curves.f1_max(*points))
+    curve = curves.thresholds(falling, positive)
+    estimates = (curves.auroc(curve), curves.average_precision(curve), curves.f1_max(curve))
     if estimates[1] is None:
         return None, None, None
     steps = bootstrap.curve_steps(falling, positive)

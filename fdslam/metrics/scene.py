@@ -8,7 +8,7 @@ query row by row.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fdslam.errors import InputError
 from fdslam.metrics.cells import box_overlap, positive_cells
+from fdslam.metrics.seeds import generator
 from fdslam.types import grid_shape
 
 
@@ -35,11 +36,13 @@ class Objects:
 class Scene:
     """The queries as they were given. What is derived is computed once, at first use, and shared by all methods."""
 
-    names: tuple[str, ...]  # [Q] unique
+    names: tuple[str, ...]  # [Q] unique, and the seed of what is random about each
     heights: tuple[int, ...]  # [Q] pixels
     widths: tuple[int, ...]  # [Q] pixels
     boxes: tuple[NDArray[np.float32], ...]  # [Q] of [n, 4] xyxy of changed objects; [0, 4]: unchanged
     images: tuple[str, ...] = ()  # [Q] which image each is, where several queries are one; empty: each its own
+    shown: tuple[str, ...] = ()  # [Q] how each is called in messages; empty: by its name
+    _chances: dict[int, NDArray[np.integer]] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Raise InputError if a name occurs twice or the fields differ in length."""
@@ -52,6 +55,9 @@ class Scene:
     def image_of(self, query: int) -> str:
         """Return which image a query (as listed) is."""
         return self.images[query] if self.images else self.names[query]
+
+    def _shown(self, query: int) -> str:
+        return self.shown[query] if self.shown else self.names[query]
 
     @cached_property
     def by_name(self) -> tuple[int, ...]:
@@ -74,9 +80,22 @@ class Scene:
         return np.concatenate([[0], np.cumsum(self.sizes)]).astype(np.int64)
 
     @cached_property
-    def query_of(self) -> NDArray[np.int64]:
+    def query_of(self) -> NDArray[np.int32]:
         """[N] the sorted query that each cell belongs to."""
-        return np.repeat(np.arange(len(self.sizes)), self.sizes)
+        return np.repeat(np.arange(len(self.sizes), dtype=np.int32), self.sizes)
+
+    def by_chance(self, seed: int) -> NDArray[np.integer]:
+        """[N] the cells in a random order, which is that of equal LoC; int32 where that is enough.
+
+        It depends on the seed and the names of the queries only, and is the same for all methods.
+        """
+        if seed not in self._chances:
+            keys = [
+                generator(seed, "ties", self.names[i]).random(n) for i, n in zip(self.by_name, self.sizes, strict=True)
+            ]
+            order = np.argsort(np.concatenate([np.zeros(0), *keys]), kind="stable")
+            self._chances[seed] = order.astype(np.int32 if len(order) < 2**31 else np.int64)
+        return self._chances[seed]
 
     @cached_property
     def unchanged(self) -> NDArray[np.int64]:
@@ -124,10 +143,10 @@ class Scene:
             raise InputError(f"{method}: {len(loc)} maps for {len(self.names)} queries; there must be one per query")
         for i, shape in zip(self.by_name, self.shapes, strict=True):
             if np.shape(loc[i]) != shape:
-                raise InputError(f"{method}: the map of {self.names[i]} is {np.shape(loc[i])} cells, not {shape}")
+                raise InputError(f"{method}: the map of {self._shown(i)} is {np.shape(loc[i])} cells, not {shape}")
         flat = np.concatenate([np.zeros(0, np.float32), *(np.ravel(loc[i]) for i in self.by_name)])
         bad = np.isnan(flat)
         if bad.any():
-            name = self.names[self.by_name[self.query_of[np.argmax(bad)]]]
+            name = self._shown(self.by_name[self.query_of[np.argmax(bad)]])
             raise InputError(f"{method}: the map of {name} holds NaN; every cell needs a LoC")
         return flat

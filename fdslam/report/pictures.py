@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -13,10 +14,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
-from scipy.stats import rankdata
 
 from fdslam.config import Config
 from fdslam.data.images import read_image
+from fdslam.fusion import competition_ranks
 from fdslam.metrics import positive_cells
 from fdslam.pipeline import Maps, Outcome
 from fdslam.progress import progress
@@ -30,7 +31,8 @@ TRUTH, BOX = "#00e5ff", "#ffb000"  # safe for the colour-blind, visible on photo
 def percentiles(maps: Maps) -> list[NDArray[np.float32]]:
     """Return each cell's place in the pool of all queries' cells, 0 to 1; ties averaged."""
     pool = np.concatenate([cells.ravel() for cells in maps])
-    places = ((rankdata(pool) - 0.5) / len(pool)).astype(np.float32)
+    below, not_above = competition_ranks(pool) - 1, len(pool) + 1 - competition_ranks(-pool)
+    places = ((below + not_above) / (2 * len(pool))).astype(np.float32)
     parts = np.split(places, np.cumsum([cells.size for cells in maps])[:-1])
     return [part.reshape(cells.shape) for part, cells in zip(parts, maps, strict=True)]
 
@@ -83,12 +85,12 @@ def _panels(count: int, aspect: float) -> tuple[Figure, list[Axes], Axes]:
     return figure, panels, figure.add_axes((right / total, 0.06, 0.1 / total, 0.88 - TITLE / top))
 
 
-def draw_query(outcome: Outcome, heat: dict[str, Maps], query: int) -> bytes:
+def draw_query(outcome: Outcome, heat: Mapping[str, NDArray[np.float32]], query: int) -> bytes:
     """Return the picture of one query as PNG: the query with truth and OBBs, the top map image, a heat map a method.
 
     Args:
         outcome: of the run.
-        heat: per method the percentile of every cell.
+        heat: per method the percentile of every cell of the query.
         query: which one.
     """
     data = outcome.dataset
@@ -115,9 +117,9 @@ def draw_query(outcome: Outcome, heat: dict[str, Maps], query: int) -> bytes:
         axes[1].set_axis_off()
     for panel, (method, places) in zip(axes[2:], heat.items(), strict=True):
         _show(panel, np.repeat(image.mean(axis=2, keepdims=True), 3, axis=2).astype(np.uint8), method)
-        rows, columns = places[query].shape
+        rows, columns = places.shape
         extent = (0, columns * CELL, rows * CELL, 0)
-        drawn = panel.imshow(places[query], cmap="inferno", vmin=0, vmax=1, alpha=0.75, extent=extent)
+        drawn = panel.imshow(places, cmap="inferno", vmin=0, vmax=1, alpha=0.75, extent=extent)
         panel.set_xlim(0, frame.width)
         panel.set_ylim(frame.height, 0)
         _outline(panel, truth, TRUTH, 1.0)
@@ -135,8 +137,9 @@ def draw_pictures(outcome: Outcome, config: Config, folder: Path) -> None:
         stale.unlink()
     if not wanted:
         return
-    heat = {row: percentiles(outcome.maps[row]) for row in config.mix.rows}
-    ranked = rank_queries(outcome, list(heat.values())[-1])
+    *others, last = config.mix.rows
+    places = percentiles(outcome.maps[last])
+    ranked = rank_queries(outcome, places)
     if ranked:
         best = ranked[:wanted]
         worst = [query for query in reversed(ranked) if query not in best][:wanted]
@@ -144,7 +147,12 @@ def draw_pictures(outcome: Outcome, config: Config, folder: Path) -> None:
         names |= {f"worst_{i:02d}": query for i, query in enumerate(worst, 1)}
     else:
         names = {f"query_{query:04d}": query for query in range(min(wanted, len(outcome.dataset.query)))}
+    heat: dict[int, dict[str, NDArray[np.float32]]] = {query: {} for query in names.values()}
+    for row in [*others, last]:  # only what is drawn is kept: the cells of all queries and methods fill GBs
+        places = places if row == last else percentiles(outcome.maps[row])
+        for query in heat:
+            heat[query][row] = places[query].copy()
     with mpl.rc_context({"font.family": "DejaVu Sans"}):
-        jobs = [(name, partial(draw_query, outcome, heat, query)) for name, query in names.items()]
+        jobs = [(name, partial(draw_query, outcome, heat[query], query)) for name, query in names.items()]
         for name, draw in progress(jobs, len(jobs), "pictures"):
             write_atomically(folder / f"{name}.png", draw())

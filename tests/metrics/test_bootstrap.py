@@ -119,8 +119,8 @@ def test_every_query_once_is_the_point_estimate():
         np.testing.assert_array_equal(hits, needed <= 1200 * x // 100)
         value = bootstrap.percent_found(hits[None], scene.objects.query, once)
         assert value[0] == 100.0 * sum(needed <= 1200 * x // 100) / 8
-    points = curves.thresholds(values, scene.positive)
-    expected = curves.auroc(*points), curves.average_precision(*points), curves.f1_max(*points)
+    curve = curves.thresholds(values[ranking.order], scene.positive[ranking.order])
+    expected = curves.auroc(curve), curves.average_precision(curve), curves.f1_max(curve)
     assert np.ravel(curve_replicates(scene, loc, once)) == pytest.approx(expected, rel=1e-12)
     a, valid = curves.location_matrix(values, scene)
     again = bootstrap.location_replicates(a, valid, scene.objects.query, scene.unchanged, once)

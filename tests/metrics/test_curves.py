@@ -15,8 +15,9 @@ def near(value, expected):
 
 
 def figures(values, positive):
-    points = curves.thresholds(np.array(values, np.float32), np.array(positive, dtype=bool))
-    return curves.auroc(*points), curves.average_precision(*points), curves.f1_max(*points)
+    order = np.argsort(-np.array(values, np.float32), kind="stable")
+    curve = curves.thresholds(np.array(values, np.float32)[order], np.array(positive, dtype=bool)[order])
+    return curves.auroc(curve), curves.average_precision(curve), curves.f1_max(curve)
 
 
 @settings(max_examples=100, deadline=None)
