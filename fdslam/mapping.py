@@ -82,6 +82,18 @@ class BowMap:
         self._learn().save(path)
         return BagOfWords.load(path)
 
+    def missing(self, queries: Sequence[Frame]) -> tuple[int, int]:
+        """Count the map images that are not learned, and the queries that are not localised, by their files alone."""
+        learned = self.store.path(MAP, self._map_key()).is_file()
+        return (
+            0 if learned else self.store.lacks(VOCABULARY, self.keys),
+            self.store.lacks(LOCALIZATION, self._localization_keys(queries)),
+        )
+
+    def _localization_keys(self, queries: Sequence[Frame]) -> list[Key]:
+        settings = {**part(self.config, Retrieval), "library": self.library}
+        return [LOCALIZATION.key(settings, [self.keys[-1], self.features.key(frame)]) for frame in queries]
+
     def _map_key(self) -> Key:
         documents = self.library if self.config.document == "obb" else ""
         return MAP.key({"documents": documents}, self.keys[-1:])
@@ -135,8 +147,7 @@ class BowMap:
         Returns:
             The addresses and the results, in the order of the queries.
         """
-        settings = {**part(self.config, Retrieval), "library": self.library}
-        keys = [LOCALIZATION.key(settings, [self.keys[-1], self.features.key(frame)]) for frame in queries]
+        keys = self._localization_keys(queries)
         missing = [q for q, key in zip(queries, keys, strict=True) if not self.store.has(LOCALIZATION, key)]
         if missing:
             self._localize_missing(missing, dict(zip(queries, keys, strict=True)))

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from fdslam.config import Config
 from fdslam.context import Context
 from fdslam.controls import CONTROLS, control, objectness
-from fdslam.data import load_datasets
+from fdslam.data import load_datasets, outline, outline_of
 from fdslam.detectors import DETECTORS
 from fdslam.errors import InputError
+from fdslam.estimate import announce, everything, remaining
 from fdslam.fusion import fuse
 from fdslam.mapping import BowMap
 from fdslam.mask import apply_masks, load_masks
@@ -111,9 +112,14 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     single_threaded()
     store = Store(config.store)
     with watch.stage("data"):
+        sizes = outline_of(config.dataset, store)
+        if sizes is not None and sizes.missing:
+            watch.expected = announce(config, sizes, everything(sizes), store)
         datasets = load_datasets(config.dataset, store, config.workers)
         for dataset in datasets:
             _check_truth(config, dataset)
+        if sizes is None or not sizes.missing:
+            watch.expected = announce(config, outline(datasets), remaining(config, datasets, store), store)
     located = [_locate(config, dataset, store, watch) for dataset in datasets]
     seen = [_see(config, one, store, watch) for one in located]
     # Pairs without annotations, where others have some, have no part in the table of all.
@@ -138,7 +144,7 @@ def _see(config: Config, located: _Located, store: Store, watch: Stopwatch) -> _
     context = Context(config, located.dataset, store, located.localizations, located.keys, hypotheses)
     found: dict[str, Maps] = {}
     kept = {"bag of words": located.kept}
-    for name in dict.fromkeys(part for row in config.mix.rows for part in row.split("+")):
+    for name in config.mix.detectors:
         with watch.stage(name):
             detected = DETECTORS[name](context)
             found[name], kept[name] = list(detected.loc), detected.kept
@@ -188,7 +194,7 @@ def _check_truth(config: Config, dataset: Dataset) -> None:
             f"evaluation.viewpoint=true: {dataset.name} has no place ground truth; add map.csv and pairs.csv to the "
             "data set or run with evaluation.viewpoint=predicted"
         )
-    if config.ad.places == "pose" and dataset.poses is None and any("AD" in row for row in config.mix.rows):
+    if config.ad.places == "pose" and dataset.poses is None and "AD" in config.mix.detectors:
         raise InputError(
             f"ad=pose: {dataset.name} has no poses; add x, y, heading to map.csv or choose ad=appearance or ad=time"
         )

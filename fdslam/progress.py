@@ -17,6 +17,20 @@ T = TypeVar("T")
 PLAIN_SECONDS = 10.0  # between two plain lines
 
 
+def say(line: str) -> None:
+    """Tell the user something, on standard error."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def readable(count: float) -> str:
+    """Return a number of bytes for people."""
+    for unit in ("B", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
+        count /= 1000
+    return f"{count:.1f} GB"
+
+
 def single_threaded() -> None:
     """Let this thread's numerical libraries run on one core: parallelism is over images, and results stay the same."""
     threadpool_limits(1)  # BLAS and OpenMP of what is loaded by now

@@ -25,6 +25,7 @@ class Stopwatch:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+        self.expected: dict[str, float] = {}  # likewise, as estimated before the run
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -55,7 +56,7 @@ def _version(name: str) -> str | None:
         return None
 
 
-def provenance(config: dict[str, Any], seconds: dict[str, float], workers: int) -> dict[str, Any]:
+def provenance(config: dict[str, Any], watch: Stopwatch, workers: int) -> dict[str, Any]:
     """Return what ``run.json`` holds."""
     return {
         "command": sys.argv,
@@ -67,6 +68,7 @@ def provenance(config: dict[str, Any], seconds: dict[str, float], workers: int) 
         "threads": {"workers": workers, "per_worker": 1},
         "cores": os.cpu_count(),
         "peak_memory_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
-        "seconds": {name: round(value, 3) for name, value in seconds.items()},
+        "seconds": {name: round(value, 3) for name, value in watch.seconds.items()},
+        "estimated_seconds": {name: round(value, 1) for name, value in watch.expected.items()},
         "config": config,
     }

@@ -141,6 +141,10 @@ class Store:
         """Return where the artefact lies, whether or not it is there."""
         return self.root / stage.name / key[:2] / f"{key}.safetensors"
 
+    def lacks(self, stage: Stage, keys: Iterable[Key]) -> int:
+        """Count the artefacts that are not there, by their files alone: for estimates, not for results."""
+        return sum(not self.path(stage, key).is_file() for key in keys)
+
     def has(self, stage: Stage, key: Key) -> bool:
         """Tell whether an undamaged artefact is there."""
         return self.get(stage, key) is not None

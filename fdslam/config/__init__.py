@@ -134,6 +134,11 @@ class Mix(Checked):
         "harmonic", "Eq. 1 on ascending ranks (b), or the sum of 1 / rank (a)", choices=("harmonic", "reciprocal")
     )
 
+    @property
+    def detectors(self) -> list[str]:
+        """What the rows are made of, in the order of their first use."""
+        return list(dict.fromkeys(part for row in self.rows for part in row.split("+")))
+
 
 @dataclass
 class Mask(Checked):

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from fdslam import config
 from fdslam.data.embedded import load_campus
 from fdslam.data.folder import check_folder, read_folder
-from fdslam.data.nclt import check_nclt, load_nclt
+from fdslam.data.nclt import check_nclt, load_nclt, outline_nclt
+from fdslam.data.outline import Outline, outline, outline_campus
 from fdslam.data.pairs import check_pairs, read_pairs
 from fdslam.store import Store
 from fdslam.types import Dataset
@@ -27,7 +28,16 @@ DATASETS: dict[str, Callable[..., tuple[Dataset, ...]]] = {
     "campus": load_campus,
     "nclt": load_nclt,
 }
+OUTLINES: dict[str, Callable[..., Outline]] = {"campus": outline_campus, "nclt": outline_nclt}
 CHECKS: dict[str, Callable[..., None]] = {"folder": check_folder, "pairs": check_pairs, "nclt": check_nclt}
+
+
+__all__ = ["Outline", "check_dataset", "load_datasets", "outline", "outline_of"]
+
+
+def outline_of(settings: config.Dataset, store: Store) -> Outline | None:
+    """Return the sizes of a data set whose images may have to be made; None: loading it tells, and costs little."""
+    return OUTLINES[settings.kind](settings, store) if settings.kind in OUTLINES else None
 
 
 def check_dataset(settings: config.Dataset) -> None:

@@ -26,7 +26,7 @@ from fdslam.context import Context, Detected, load
 from fdslam.data.images import LIBRARIES, read_image
 from fdslam.places import global_descriptor, place_classes, pose_vectors, time_vectors
 from fdslam.store import Arrays, Key, Stage
-from fdslam.types import grid_shape
+from fdslam.types import Frame, grid_shape
 
 DESCRIPTOR = Stage("global_descriptor", ("fdslam.places", "fdslam.data.images"), LIBRARIES)
 PLACES = Stage("places", ("fdslam.places",), ("scikit-learn", "scipy", "numpy"))
@@ -51,18 +51,45 @@ def _vectors(context: Context) -> NDArray[np.floating]:
     return np.stack([arrays["vector"] for arrays in found])
 
 
+def _places_key(context: Context) -> Key:
+    inputs = [frame.digest for frame in context.dataset.map]
+    if context.config.ad.places != "appearance":
+        inputs += [value.hex() for value in _vectors(context).ravel().tolist()]
+    return PLACES.key({**part(context.config.ad, Places), "seed": context.config.seed}, inputs)
+
+
 def place_labels(context: Context) -> NDArray[np.int64]:
     """Return the place of every map image, int64 [M], 0 … at most k - 1."""
-    data, config = context.dataset, context.config
-    inputs = [frame.digest for frame in data.map]
-    if config.ad.places != "appearance":
-        inputs += [value.hex() for value in _vectors(context).ravel().tolist()]
-    key = PLACES.key({**part(config.ad, Places), "seed": config.seed}, inputs)
+    config = context.config
 
     def cluster() -> Arrays:
         return {"label": place_classes(_vectors(context), config.ad.k, config.seed)}
 
-    return load(context.store, PLACES, key, cluster)["label"]
+    return load(context.store, PLACES, _places_key(context), cluster)["label"]
+
+
+def _input_size(context: Context) -> tuple[int, int]:
+    first = context.dataset.map[0]
+    return input_size(first.height, first.width, context.config.ad.pixels)
+
+
+def _members(context: Context, label: NDArray[np.int64]) -> tuple[list[list[Frame]], list[Key]]:
+    """Return the map images of every place, and the address of its AE."""
+    config = context.config
+    members = [[context.dataset.map[m] for m in np.flatnonzero(label == place)] for place in range(label.max() + 1)]
+    # A GPU rounds differently from a CPU, so their models are told apart; cuda:0 and cuda:1 are not.
+    settings = {**part(config.ad, Autoencoder), "seed": config.seed, "device": config.device.split(":")[0]}
+    settings["size"] = _input_size(context)
+    return members, [MODEL.key(settings, [frame.digest for frame in frames]) for frames in members]
+
+
+def untrained(context: Context) -> int:
+    """Count the map images in places whose AE is not stored; all of them where the places are not known yet."""
+    arrays = context.store.get(PLACES, _places_key(context))
+    if arrays is None:
+        return len(context.dataset.map)
+    members, keys = _members(context, arrays["label"])
+    return sum(len(frames) for frames, key in zip(members, keys, strict=True) if context.store.lacks(MODEL, [key]))
 
 
 def _pack(model: PlaceModel) -> Arrays:
@@ -93,18 +120,14 @@ def fit_places(context: Context) -> tuple[NDArray[np.int64], list[Key], tuple[Pl
         The place of every map image (int64 [M]); per place its model's address and the model, μ and σ filled in; and
         the AEs' input size (height, width) in pixels.
     """
-    data, config = context.dataset, context.config
-    size = input_size(data.map[0].height, data.map[0].width, config.ad.pixels)
+    config, size = context.config, _input_size(context)
     label = place_labels(context)
-    members = [[data.map[m] for m in np.flatnonzero(label == place)] for place in range(label.max() + 1)]
-    # A GPU rounds differently from a CPU, so their models are told apart; cuda:0 and cuda:1 are not.
-    settings = {**part(config.ad, Autoencoder), "seed": config.seed, "device": config.device.split(":")[0]}
+    members, keys = _members(context, label)
 
     def fit(place: int) -> Arrays:
         images = prepare((read_image(frame.path) for frame in members[place]), size)
         return _pack(fit_place(images, config.ad, config.seed, config.device))
 
-    keys = [MODEL.key({**settings, "size": size}, [frame.digest for frame in frames]) for frames in members]
     models = [_unpack(arrays) for arrays in context.fetch(MODEL, keys, fit, "autoencoders")]
     return label, keys, fill_statistics(models), size
 

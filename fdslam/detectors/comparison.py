@@ -90,6 +90,11 @@ def _blocks(rows: NDArray[np.float32]) -> list[NDArray[np.float32]]:
     return [rows[i : i + BLOCK] for i in range(0, len(rows), BLOCK)]
 
 
+def features_key(frame: Frame, config: Pc) -> Key:
+    """Return the address of a frame's SIFTs."""
+    return FEATURES.key(part(config, Keypoints), [frame.digest])
+
+
 def detect(context: Context) -> Detected:
     """Return the LoC of every query (§PC): the distance of its SIFTs to the nearest of the top-Y map images.
 
@@ -97,9 +102,7 @@ def detect(context: Context) -> Detected:
     the mean over those that were compared with.
     """
     data, config = context.dataset, context.config.pc
-
-    def key_of(frame: Frame) -> Key:
-        return FEATURES.key(part(config, Keypoints), [frame.digest])
+    key_of = partial(features_key, config=config)
 
     def extract(frame: Frame) -> Arrays:
         image, stretch = enlarge(read_image(frame.path), config.min_side)

@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from types import TracebackType
 
 from tqdm import tqdm
 
+from fdslam.progress import readable, say
+
 PLAIN_SECONDS = 30.0  # between two plain lines: downloads take hours
-
-
-def say(line: str) -> None:
-    """Tell the user something, on standard error."""
-    print(line, file=sys.stderr, flush=True)
-
-
-def readable(count: float) -> str:
-    """Return a number of bytes for people."""
-    for unit in ("B", "kB", "MB"):
-        if count < 1000:
-            return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
-        count /= 1000
-    return f"{count:.1f} GB"
+__all__ = ["Meter", "readable", "say"]
 
 
 class Meter:

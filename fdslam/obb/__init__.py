@@ -46,3 +46,8 @@ def library_boxes(library: str, image: Image) -> Boxes:
     found = [SOURCES[name](image) for name in names]
     source = tuple(name for name, boxes in zip(names, found, strict=True) for _ in range(len(boxes)))
     return Boxes(np.concatenate(found).astype(np.float32), source)
+
+
+def expected_boxes(library: str) -> int:
+    """Return about how many OBBs the library has in an image, for estimates."""
+    return sum(len(TEMPLATES[name]) for name in parse_library(library))

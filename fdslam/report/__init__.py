@@ -33,7 +33,7 @@ def write_report(outcome: Outcome, config: Config, folder: Path, watch: Stopwatc
         write_atomically(folder / "pairs.csv", pairs_csv(outcome).encode())
     if curves := draw_curves(outcome, config):
         write_atomically(folder / "curves.png", curves)
-    run = provenance(asdict(config), watch.seconds, worker_count(config.workers))
+    run = provenance(asdict(config), watch, worker_count(config.workers))
     write_atomically(folder / "run.json", _json(run))
     return table_text(outcome, config)
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.config import Nclt
+from fdslam.data.images import image_size
 from fdslam.data.nclt.annotations import Annotated, boxes_of, read_annotated
 from fdslam.data.nclt.layout import (
     Session,
@@ -22,7 +24,8 @@ from fdslam.data.nclt.layout import (
 )
 from fdslam.data.nclt.poses import MICROSECONDS, interpolate, read_track, sample
 from fdslam.data.nclt.sessions import session_label
-from fdslam.data.nclt.upright import make_upright
+from fdslam.data.nclt.upright import count_missing, make_upright
+from fdslam.data.outline import Outline
 from fdslam.data.relevance import places_by_pose
 from fdslam.errors import InputError
 from fdslam.store import Store
@@ -64,24 +67,48 @@ def load_nclt(settings: Nclt, store: Store, workers: int) -> tuple[Dataset, ...]
     Raises:
         InputError: something is missing, damaged or does not fit together.
     """
-    root = root_folder(settings)
-    dates = chosen_pairs(settings)
+    pairs = _pairs(settings)
+    _say_what_is_left_out({one.session.date: one for pair in pairs for one in (pair.query, pair.map)}, settings)
+    table = table_file(root_folder(settings), settings.camera) if settings.undistort else None
+    frames = make_upright(_files(pairs), table, store, workers)
+    return tuple(_dataset(pair, frames, settings) for pair in pairs)
+
+
+def outline_nclt(settings: Nclt, store: Store) -> Outline:
+    """Return how many images the pairs have, from lists and poses alone."""
+    pairs = _pairs(settings)
+    files = _files(pairs)
+    height, width = image_size(next(iter(files.values())))
+    maps = {pair.map.session.date: len(pair.map.sampled) for pair in pairs}
+    return Outline(
+        images=len(files),
+        missing=count_missing(files, store),
+        maps=tuple(maps.values()),
+        pairs=tuple((len(pair.queries), len(pair.map.sampled)) for pair in pairs),
+        height=width,  # they lie on their side
+        width=height,
+    )
+
+
+def _pairs(settings: Nclt) -> list[_Pair]:
+    root, dates = root_folder(settings), chosen_pairs(settings)
     posed = {date: _posed(settings, date) for date in dict.fromkeys(date for pair in dates for date in pair)}
-    _say_what_is_left_out(posed, settings)
     folder = annotation_folder(root, settings)
-    pairs = [_pair(posed[query], posed[map], read_annotated(folder, posed[query].session, map)) for query, map in dates]
-    table = table_file(root, settings.camera) if settings.undistort else None
+    return [_pair(posed[query], posed[map], read_annotated(folder, posed[query].session, map)) for query, map in dates]
+
+
+def _files(pairs: Sequence[_Pair]) -> dict[str, Path]:
+    """Return the raw image of every frame that a pair uses, by the frame's name."""
     used: dict[str, set[int]] = {}
+    sessions = {one.session.date: one.session for pair in pairs for one in (pair.query, pair.map)}
     for pair in pairs:
         used.setdefault(pair.query.session.date, set()).update(pair.queries.tolist())
         used.setdefault(pair.map.session.date, set()).update(pair.map.sampled.tolist())
-    files = {
-        posed[date].session.name(i): posed[date].session.folder / posed[date].session.files[i]
+    return {
+        sessions[date].name(i): sessions[date].folder / sessions[date].files[i]
         for date, positions in used.items()
         for i in sorted(positions)
     }
-    frames = make_upright(files, table, store, workers)
-    return tuple(_dataset(pair, frames, settings) for pair in pairs)
 
 
 def _posed(settings: Nclt, date: str) -> _Posed:

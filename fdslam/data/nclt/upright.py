@@ -80,6 +80,13 @@ def make_upright(files: Mapping[str, Path], table: Path | None, store: Store, wo
     return {frame.name: frame for frame in frames}
 
 
+def count_missing(files: Mapping[str, Path], store: Store) -> int:
+    """Count the raw images that have no upright one, whatever it was made of: for estimates, not for results."""
+    folder = store.root / "upright_images"
+    made = {png.with_name(png.stem[: -_SHOWN - 1]) for png in folder.rglob("*.png")}
+    return sum((folder / name).with_suffix("") not in made for name in files)
+
+
 def _look(name: str, raw: Path, settings: dict[str, str], store: Store) -> Frame | _Missing:
     try:
         key = UPRIGHT.key(settings, [remembered_digest(raw, store)])

@@ -1,0 +1,287 @@
+"""What a run will take, stage by stage, said before it starts: time, disk and memory, less what is stored already.
+
+The rates are seconds of one core, measured with the default settings; experiments/speed/README.md shows how far the
+estimates were from what runs took. The core at hand is compared with that one by a task of a few milliseconds.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import shutil
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from fdslam import mapping
+from fdslam.config import Config
+from fdslam.context import Context
+from fdslam.controls import CONTROLS
+from fdslam.data import Outline
+from fdslam.detectors import comparison
+from fdslam.detectors.anomaly import untrained
+from fdslam.errors import InputError
+from fdslam.obb import expected_boxes
+from fdslam.progress import readable, say, worker_count
+from fdslam.store import Store
+from fdslam.types import Dataset, grid_shape
+
+log = logging.getLogger(__name__)
+REFERENCE = 0.0111  # seconds of ``_task`` on the core whose rates these are
+LIBRARIES = 0.5e9  # bytes of the interpreter with all that it imports
+POOL = 60  # bytes a cell while a row is fused and measured, beside the LoC of the detectors
+SIFTS, ORBS = 205e3, 75e3  # bytes of an image on disk: 1,500 SIFTs; 1,500 ORBs with their words and postings
+
+
+@dataclass(frozen=True)
+class Todo:
+    """What is still to be done; what a run finds stored is left out."""
+
+    make: int  # images to render or to turn upright
+    features: int  # images without ORB features
+    learn: int  # map images that no map holds yet
+    localise: int  # queries
+    sift: int  # images without SIFTs; at most so many are compared
+    train: int  # map images of places without a trained AE
+    look: int  # queries that detectors have to look at
+
+
+@dataclass(frozen=True)
+class Line:
+    """One stage, named as in ``run.json``."""
+
+    stage: str
+    what: str
+    seconds: float  # of wall-clock time
+    disk: float  # bytes written
+    memory: float  # bytes at most, the libraries included
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """All stages of a run."""
+
+    lines: tuple[Line, ...]
+    workers: int
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time of all stages."""
+        return sum(line.seconds for line in self.lines)
+
+    @property
+    def disk(self) -> float:
+        """Bytes that are written."""
+        return sum(line.disk for line in self.lines)
+
+    @property
+    def memory(self) -> float:
+        """Bytes at most."""
+        return max(line.memory for line in self.lines)
+
+    def text(self) -> str:
+        """Return the table for people."""
+        total = Line("all", "", self.seconds, self.disk, self.memory)
+        rows = [("stage", "to do", "time", "disk", "memory")]
+        for one in (*self.lines, total):
+            rows.append((one.stage, one.what, _span(one.seconds), readable(one.disk), readable(one.memory)))
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        sides = "<<>>>"
+        aligned = [
+            "  ".join(f"{cell:{side}{width}}" for cell, side, width in zip(row, sides, widths, strict=True)).rstrip()
+            for row in rows
+        ]
+        cores = "one core" if self.workers == 1 else f"{self.workers} cores"
+        return "\n".join([f"about, on {cores} with nothing else to do, less what is stored already:", *aligned])
+
+
+def everything(sizes: Outline) -> Todo:
+    """Return all there is to do where images are still to be made: what comes after them is not known yet."""
+    queries, learned = sum(queries for queries, _ in sizes.pairs), sum(sizes.maps)
+    return Todo(sizes.missing, sizes.images, learned, queries, sizes.images, learned, queries)
+
+
+def remaining(config: Config, datasets: Sequence[Dataset], store: Store) -> Todo:
+    """Return what is not stored yet of a run on loaded data sets; files are looked for, hardly one is read."""
+    frames = {frame.digest: frame for one in datasets for frame in (*one.map, *one.query)}.values()
+    features = mapping.FeatureStore(config.bow, store, config.workers)
+    learn, train = dict[str, int](), dict[str, int]()
+    localise = look = 0
+    for one in datasets:
+        bow = mapping.BowMap(one.map, config.bow, config.obb.library, store, config.workers)
+        name = bow.keys[-1]
+        learn[name], lost = bow.missing(one.query)
+        train[name] = untrained(Context(config, one, store, (), (), ())) if "AD" in config.mix.detectors else 0
+        localise += lost
+        look += len(one.query) if lost or train[name] else 0
+    sift = store.lacks(comparison.FEATURES, (comparison.features_key(frame, config.pc) for frame in frames))
+    return Todo(
+        make=0,
+        features=store.lacks(mapping.FEATURES, map(features.key, frames)),
+        learn=sum(learn.values()),
+        localise=localise,
+        sift=sift if look else 0,
+        train=sum(train.values()),
+        look=look,
+    )
+
+
+def estimate(config: Config, sizes: Outline, todo: Todo) -> Estimate:
+    """Return what a run will take.
+
+    Args:
+        config: of the run.
+        sizes: of its data sets.
+        todo: what is not stored.
+    """
+    plan = _Plan(config, sizes, todo)
+    stages = [plan.data(), plan.localisation()]
+    stages += [plan.detectors[name]() for name in plan.names]
+    lines = (*stages, plan.evaluation(), plan.pictures())
+    slower = _task() / REFERENCE
+    return Estimate(tuple(replace(line, seconds=slower * line.seconds) for line in lines), plan.workers)
+
+
+class _Plan:
+    """The rates. Seconds are those of the reference core."""
+
+    def __init__(self, config: Config, sizes: Outline, todo: Todo) -> None:
+        self.config, self.sizes, self.todo = config, sizes, todo
+        self.workers = worker_count(config.workers)
+        self.pixels = sizes.height * sizes.width
+        self.read = 0.003 + 0.028e-6 * self.pixels  # seconds of decoding an image
+        self.queries, self.longest = sum(q for q, _ in sizes.pairs), max(m for _, m in sizes.pairs)
+        self.cells = self.queries * math.prod(grid_shape(sizes.height, sizes.width))
+        self.maps = 4.2 * self.cells * todo.look / self.queries  # bytes of a detector's results on disk
+        self.obbs = expected_boxes(config.obb.library)
+        self.ranks = 2.0 * self.obbs * sum(q * m for q, m in sizes.pairs)  # bytes of the weak lists
+        self.names = config.mix.detectors
+        self.kept = LIBRARIES + self.ranks + self.cells * sum(8 if name == "AD" else 4 for name in self.names)
+        self.detectors = {"FD": self.fault_diagnosis, "PC": self.comparison, "AD": self.anomaly}
+
+    def data(self) -> Line:
+        each = 0.013 + 0.48e-6 * self.pixels if self.config.dataset.kind == "campus" else self.read + 4e-8 * self.pixels
+        memory = LIBRARIES + (self.workers * 90.0 * self.pixels if self.todo.make else 0)
+        seconds = self.todo.make * each / self.workers
+        return Line("data", f"{self.todo.make:,} images to make", seconds, self.todo.make * 2.0 * self.pixels, memory)
+
+    def localisation(self) -> Line:
+        todo, enlarged = self.todo, self._enlarged(self.config.bow.min_side)
+        features = todo.features * (self.read + 0.0055 + 1.33e-8 * enlarged)
+        asked = todo.localise * (self.read + 0.02 + 3e-7 * self.obbs * self.longest)
+        lists = (self.ranks + 8.0 * self.queries * self.longest) * todo.localise / self.queries
+        return Line(
+            "map and localisation",
+            f"{todo.learn:,} map images, {todo.localise:,} queries",
+            (features + asked) / self.workers + 0.02 * todo.learn,
+            ORBS * (todo.features + todo.learn) + lists,
+            LIBRARIES + self.ranks + 0.13e6 * self.longest + self.workers * 40.0 * enlarged,
+        )
+
+    def fault_diagnosis(self) -> Line:
+        return Line("FD", f"{self.todo.look:,} queries", 0.006 * self.todo.look / self.workers, self.maps, self.kept)
+
+    def comparison(self) -> Line:
+        todo, enlarged = self.todo, self._enlarged(self.config.pc.min_side)
+        seconds = todo.sift * (self.read + 0.063 + 1.13e-7 * enlarged) + todo.look * 0.004 * self.config.evaluation.Y
+        return Line(
+            "PC",
+            f"SIFTs of up to {todo.sift:,} images, {todo.look:,} queries",
+            seconds / self.workers,
+            todo.sift * SIFTS + self.maps,
+            self.kept + self.workers * 120.0 * enlarged,
+        )
+
+    def anomaly(self) -> Line:
+        todo, ad = self.todo, self.config.ad
+        step = 0.0046 * (ad.pixels / 12_288) * (ad.channels / 16)  # seconds of training on an image once
+        seconds = todo.train * (self.read + 0.95 * ad.epochs * (ad.folds + 0.3) * step) + todo.look * (self.read + 0.02)
+        places = len(self.sizes.maps) * ad.k * todo.train / sum(self.sizes.maps)
+        weights = ad.latent * ad.channels * ad.pixels / 4 + 1.1e6 * (ad.channels / 16) ** 2  # bytes
+        return Line(
+            "AD",
+            f"AEs for {todo.train:,} map images, {todo.look:,} queries",
+            seconds / self.workers,
+            places * weights + self.maps,
+            self.kept + self.workers * (0.3e9 + 12.0 * ad.pixels * self.longest / ad.k),
+        )
+
+    def evaluation(self) -> Line:
+        methods, measured = len(self.config.mix.rows), self.config.evaluation
+        tables = 2 if len(self.sizes.pairs) > 1 else 1  # of all pairs together, and of each
+        others = methods * len({*measured.curve_Y} - {measured.Y})
+        each = (methods + len(CONTROLS) + 1) * tables * (3.5e-7 + 1.6e-9 * measured.bootstrap) + others * 3.5e-7
+        seconds = each * self.cells
+        return Line("fusion and evaluation", f"{self.cells:,} cells", seconds, 0.0, self.kept + POOL * self.cells)
+
+    def pictures(self) -> Line:
+        count, methods = min(2 * self.config.report.pictures, self.queries), len(self.config.mix.rows)
+        seconds = 0.5 * count + (6e-7 * self.cells * methods if count else 0)
+        return Line("pictures", f"{count}", seconds, 6e5 * count, self.kept + (POOL * self.cells if count else 0))
+
+    def _enlarged(self, min_side: int) -> float:
+        """Return the pixels of an image after what is small has been upscaled."""
+        return self.pixels * max(1.0, min_side / min(self.sizes.height, self.sizes.width)) ** 2
+
+
+def announce(config: Config, sizes: Outline, todo: Todo, store: Store) -> dict[str, float]:
+    """Tell the user what the run will take, on standard error, and refuse it where the disk is too small.
+
+    Returns:
+        Seconds of each stage.
+
+    Raises:
+        InputError: what will be written does not fit on the disk.
+    """
+    found = estimate(config, sizes, todo)
+    say(found.text())
+    check_room(found, store)
+    warn_of_memory(found)
+    return {line.stage: line.seconds for line in found.lines}
+
+
+def check_room(found: Estimate, store: Store) -> None:
+    """Raise InputError if what will be written does not fit on the disk."""
+    there = next(path for path in (store.root.absolute(), *store.root.absolute().parents) if path.exists())
+    free = shutil.disk_usage(there).free
+    if found.disk > free:
+        raise InputError(
+            f"store={store.root}: this run writes about {readable(found.disk)}, {readable(free)} are free; "
+            "free some or choose another disk with store=DIR"
+        )
+
+
+def warn_of_memory(found: Estimate) -> None:
+    """Say in one line that the machine has less memory than the run may need."""
+    if "SC_PHYS_PAGES" not in os.sysconf_names:
+        return
+    have = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if found.memory > have:
+        log.warning(
+            "this run may need %s of memory, the machine has %s: fewer queries, rows or workers need less",
+            readable(found.memory),
+            readable(have),
+        )
+
+
+def _task() -> float:
+    """Return how long this core takes for a fixed task, seconds of its own time: the least of five."""
+    image = np.random.default_rng(0).random((1024, 1024), dtype=np.float32)
+    times = []
+    for _ in range(5):
+        begin = time.thread_time()
+        cv2.GaussianBlur(image, (0, 0), 6)
+        times.append(time.thread_time() - begin)
+    return min(times)
+
+
+def _span(seconds: float) -> str:
+    """Return a length of time for people."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60:02d} min"
