@@ -28,6 +28,7 @@ def test_the_experiments_that_were_asked_for_exist():
     ("kind", "data"),
     [
         (Campus, []),
+        (Campus, ["dataset=campus_full"]),
         (Folder, ["dataset=folder", "dataset.root=/data"]),
         (Nclt, ["dataset=nclt", "dataset.root=/data", "dataset.query=2012-01-22", "dataset.sessions=[WI,2013-01-10]"]),
     ],
