@@ -31,7 +31,7 @@ from fdslam.store import Store
 from fdslam.types import Dataset, grid_shape
 
 log = logging.getLogger(__name__)
-REFERENCE = 0.0111  # seconds of ``_task`` on the core whose rates these are
+REFERENCE = 0.0073  # seconds of ``_task`` on the core whose rates these are
 LIBRARIES = 0.5e9  # bytes of the interpreter with all that it imports
 POOL = 60  # bytes a cell while a row is fused and measured, beside the LoC of the detectors
 SIFTS, ORBS = 205e3, 75e3  # bytes of an image on disk: 1,500 SIFTs; 1,500 ORBs with their words and postings

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.metrics.kernels import not_above
 from fdslam.metrics.scene import Scene
 
 
@@ -88,10 +89,9 @@ def location_matrix(values: NDArray[np.floating], scene: Scene) -> tuple[NDArray
         n = len(cells)
         if not n or not len(same):
             continue
-        places = scene.starts[scene.unchanged[same]][:, None] + (cells - scene.starts[q])
-        own, others = np.sort(values[cells]), values[places]
-        not_above = np.searchsorted(own, others, "left") + np.searchsorted(own, others, "right")  # twice: ties half
-        a[o, same] = (2 * n * n - not_above.sum(axis=1)) / (2 * n * n)
+        starts = scene.starts[scene.unchanged[same]]
+        lost = not_above(np.sort(values[cells]), values, starts, cells - scene.starts[q])
+        a[o, same] = (2 * n * n - lost) / (2 * n * n)
         valid[o, same] = True
     return a, valid
 
