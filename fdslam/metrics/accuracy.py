@@ -27,6 +27,15 @@ class Ranking:
     position: NDArray[np.integer]  # [N] per cell its place in that order, 1 = largest LoC
     within: NDArray[np.integer]  # [N] per cell its place among the cells of its own query, 1 = largest LoC
 
+    def tied(self, falling: NDArray[np.floating]) -> NDArray[np.integer]:
+        """[N] per cell a rank, 0 to N, larger for a larger LoC, equal for equal LoC; ``falling``: LoC in the order."""
+        first = np.arange(len(falling), dtype=self.order.dtype)
+        first[1:][falling[1:] == falling[:-1]] = 0
+        np.maximum.accumulate(first, out=first)
+        ranks = np.empty_like(first)
+        ranks[self.order] = len(falling) - first
+        return ranks
+
 
 def rank_cells(values: NDArray[np.floating], scene: Scene, seed: int) -> Ranking:
     """Sort the cells of all queries by falling LoC, ties in a seeded random order.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.metrics.accuracy import cut, prefix_counts
-from fdslam.metrics.curves import thresholds
+from fdslam.metrics.curves import Curve
 from fdslam.metrics.seeds import generator
 
 STEPS = 16_384  # thresholds of a replicated curve; beyond, neighbours are merged (see ``curve_steps``)
@@ -196,7 +196,7 @@ def selected_in_pool(
     return prefix_counts(order, cuts, len(sizes))[back.reshape(number.shape).T]
 
 
-def curve_steps(values: NDArray[np.floating], positive: NDArray[np.bool_], most: int = STEPS) -> NDArray[np.int64]:
+def curve_steps(curve: Curve, most: int = STEPS) -> NDArray[np.int64]:
     """Return where the groups of equal values that hold a changed cell begin and end.
 
     More than ``most`` groups are merged with their neighbours into that many: pairs inside a merged group count as
@@ -204,14 +204,12 @@ def curve_steps(values: NDArray[np.floating], positive: NDArray[np.bool_], most:
     use this, never a point estimate.
 
     Args:
-        values: [N] LoC by falling value.
-        positive: [N] in the same order.
+        curve: of the point estimates.
         most: number of groups.
 
     Returns:
         [g, 2] half-open intervals of places in the order.
     """
-    curve = thresholds(values, positive)
     steps = np.stack([curve.above, curve.selected], axis=1)
     if len(steps) <= most:
         return steps

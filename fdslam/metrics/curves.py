@@ -68,11 +68,11 @@ def f1_max(curve: Curve) -> float | None:
     return float(np.max(2 * curve.hits / (curve.selected + curve.hits[-1])))
 
 
-def location_matrix(values: NDArray[np.floating], scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def location_matrix(ranks: NDArray[np.integer], scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Compare the cells of every box with the same cells of every unchanged query.
 
     Args:
-        values: [N] LoC of the scene's cells.
+        ranks: [N] of the scene's cells by their LoC, 0 to N, larger is more likely changed; equal LoC, equal ranks.
         scene: the queries and their objects.
 
     Returns:
@@ -90,7 +90,7 @@ def location_matrix(values: NDArray[np.floating], scene: Scene) -> tuple[NDArray
         if not n or not len(same):
             continue
         starts = scene.starts[scene.unchanged[same]]
-        lost = not_above(np.sort(values[cells]), values, starts, cells - scene.starts[q])
+        lost = not_above(np.sort(ranks[cells]), ranks, starts, cells - scene.starts[q])
         a[o, same] = (2 * n * n - lost) / (2 * n * n)
         valid[o, same] = True
     return a, valid

@@ -65,13 +65,14 @@ def evaluate(name: str, loc: Sequence[NDArray[np.floating]], scene: Scene, confi
         found_at = np.empty(len(grades))
         needed = accuracy.needed_positions(ranking.position, scene, config.found)
         found_at[scene.objects.listed] = 100.0 * needed / max(len(values), 1)
-    auroc, ap, f1_max = _curves(values, ranking, scene, weights, config.confidence)
+    falling = values[ranking.order]
+    auroc, ap, f1_max = _curves(falling, ranking, scene, weights, config.confidence)
     return Row(
         method=name,
         pooled=_accuracies(found_pooled, percents, scene, weights, config.confidence),
         per_query=_accuracies(found_within, percents, scene, weights, config.confidence),
         auroc=auroc,
-        lc_auroc=_location(values, scene, weights, config.confidence),
+        lc_auroc=_location(ranking.tied(falling), scene, weights, config.confidence),
         ap=ap,
         f1_max=f1_max,
         grades=grades,
@@ -127,15 +128,15 @@ def _accuracies(
 
 
 def _curves(
-    values: NDArray[np.floating], ranking: Ranking, scene: Scene, weights: Weights, confidence: float
+    falling: NDArray[np.floating], ranking: Ranking, scene: Scene, weights: Weights, confidence: float
 ) -> tuple[Figure | None, Figure | None, Figure | None]:
     """Return AUROC, average precision and F1-max of the cells."""
-    falling, positive = values[ranking.order], scene.positive[ranking.order]
+    positive = scene.positive[ranking.order]
     curve = curves.thresholds(falling, positive)
     estimates = (curves.auroc(curve), curves.average_precision(curve), curves.f1_max(curve))
     if estimates[1] is None:
         return None, None, None
-    steps = bootstrap.curve_steps(falling, positive)
+    steps = bootstrap.curve_steps(curve)
     replicates = bootstrap.curve_replicates(steps, scene.query_of[ranking.order], positive, weights)
     auroc, ap, f1_max = (
         None if value is None else bootstrap.interval(value, again, confidence)
@@ -144,9 +145,9 @@ def _curves(
     return auroc, ap, f1_max
 
 
-def _location(values: NDArray[np.floating], scene: Scene, weights: Weights, confidence: float) -> Figure | None:
+def _location(ranks: NDArray[np.integer], scene: Scene, weights: Weights, confidence: float) -> Figure | None:
     """Return the location-controlled AUROC."""
-    a, valid = curves.location_matrix(values, scene)
+    a, valid = curves.location_matrix(ranks, scene)
     value = curves.location_controlled_auroc(a, valid)
     if value is None:
         return None

@@ -7,15 +7,17 @@ from numpy.typing import NDArray
 
 from fdslam.bow.native import NATIVE, njit
 
+BUCKETS = 4096  # of the ranks; most hold none of a box's cells, and need no search
+
 
 def not_above(
-    own: NDArray[np.floating], values: NDArray[np.floating], starts: NDArray[np.int64], offsets: NDArray[np.int64]
+    own: NDArray[np.integer], ranks: NDArray[np.integer], starts: NDArray[np.int64], offsets: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Count the pairs that a box does not win against the same cells of other queries, twice: ties are half.
 
     Args:
-        own: [n] LoC of the box's cells, rising.
-        values: [N] LoC of all cells.
+        own: [n] ranks of the box's cells, rising.
+        ranks: [N] of all cells by their LoC, 0 to N; equal LoC have equal ranks.
         starts: [u] first cell of each other query.
         offsets: [n] the box's cells, counted from the start of its query.
 
@@ -23,34 +25,42 @@ def not_above(
         [u] twice the number of pairs with a larger LoC there, and once those with equal LoC.
     """
     if NATIVE:
-        return _not_above(own, values, starts, offsets)
-    others = values[starts[:, None] + offsets]
+        shift = max(0, len(ranks).bit_length() - BUCKETS.bit_length())
+        below = np.searchsorted(own, np.arange((len(ranks) >> shift) + 2) << shift)
+        return _not_above(own, ranks, starts, offsets, below, shift)
+    others = ranks[starts[:, None] + offsets]
     return (np.searchsorted(own, others, "left") + np.searchsorted(own, others, "right")).sum(axis=1)
 
 
 @njit
 def _not_above(
-    own: NDArray[np.floating], values: NDArray[np.floating], starts: NDArray[np.int64], offsets: NDArray[np.int64]
+    own: NDArray[np.integer],
+    ranks: NDArray[np.integer],
+    starts: NDArray[np.int64],
+    offsets: NDArray[np.int64],
+    below: NDArray[np.int64],  # how many of own are less than the first rank of each bucket
+    shift: int,
 ) -> NDArray[np.int64]:
     result = np.zeros(len(starts), np.int64)
     for u in range(len(starts)):
         total = 0
         for offset in offsets:
-            value = values[starts[u] + offset]
-            low, left = 0, len(own)
-            while left > 1:  # without branches: what is compared is as good as random, and guesses fail
-                half = left // 2
-                low += half * (own[low + half - 1] < value)
-                left -= half
-            low += own[low] < value
-            high = low
-            if low < len(own) and own[low] == value:
-                left = len(own) - low
-                while left > 1:
-                    half = left // 2
-                    high += half * (own[high + half - 1] <= value)
-                    left -= half
-                high += own[high] <= value
+            rank = ranks[starts[u] + offset]
+            low, end = below[rank >> shift], below[(rank >> shift) + 1]
+            high = end
+            while low < end:  # the first that is not less
+                middle = (low + end) // 2
+                if own[middle] < rank:
+                    low = middle + 1
+                else:
+                    end = middle
+            end, high = high, low
+            while high < end:  # the first that is larger
+                middle = (high + end) // 2
+                if own[middle] <= rank:
+                    high = middle + 1
+                else:
+                    end = middle
             total += low + high
         result[u] = total
     return result

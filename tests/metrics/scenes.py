@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
+from scipy.stats import rankdata
 
 from fdslam.metrics import Scene
 from fdslam.metrics.seeds import generator
@@ -52,3 +53,8 @@ def scenes_with_maps(draw, most=4):
     levels = draw(st.sampled_from([1, 3, 10**6]))
     shapes = [grid_shape(h, w) for h, w in zip(scene.heights, scene.widths, strict=True)]
     return scene, [rng.integers(0, levels, shape).astype(np.float32) for shape in shapes]
+
+
+def ranks_of(scene, loc):
+    """Rank the cells of a scene by their LoC, equal ones alike."""
+    return rankdata(scene.flatten("map", loc), method="min").astype(int)

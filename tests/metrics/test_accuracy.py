@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import rankdata
 
 from fdslam.metrics import accuracy
 from fdslam.metrics.accuracy import cut, needed_positions, prefix_counts, rank_cells
@@ -113,3 +114,12 @@ def test_largest_values_come_first(dtype):
     assert ranking.order.tolist() == [2, 3, 0, 1]
     assert ranking.position.tolist() == [3, 4, 1, 2]
     assert ranking.within.tolist() == [1, 2, 1, 2]
+
+
+@settings(max_examples=40, deadline=None)
+@given(scenes_with_maps(), st.integers(0, 3))
+def test_equal_cells_have_equal_ranks(drawn, seed):
+    scene, loc = drawn
+    values = scene.flatten("map", loc)
+    ranking = rank_cells(values, scene, seed)
+    assert np.array_equal(ranking.tied(values[ranking.order]), rankdata(values, method="max"))

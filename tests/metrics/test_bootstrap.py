@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from fdslam.metrics import Figure, bootstrap, curves, proportion
 from fdslam.metrics.accuracy import needed_positions, rank_cells
 from tests import reference
-from tests.metrics.scenes import make, scenes_with_maps, ties
+from tests.metrics.scenes import make, ranks_of, scenes_with_maps, ties
 
 PERCENTS = [5, 20, 50, 100]
 
@@ -80,7 +80,7 @@ def test_curves_match_literal_resampling(drawn, seed, memory):
 def curve_replicates(scene, loc, weights, most=bootstrap.STEPS):
     values = scene.flatten("map", loc)
     order = rank_cells(values, scene, 0).order
-    steps = bootstrap.curve_steps(values[order], scene.positive[order], most)
+    steps = bootstrap.curve_steps(curves.thresholds(values[order], scene.positive[order]), most)
     return bootstrap.curve_replicates(steps, scene.query_of[order], scene.positive[order], weights)
 
 
@@ -89,7 +89,7 @@ def curve_replicates(scene, loc, weights, most=bootstrap.STEPS):
 def test_location_controlled_matches_literal_resampling(drawn, seed):
     scene, loc = drawn
     weights, listed = drawn_weights(scene, seed)
-    a, valid = curves.location_matrix(scene.flatten("map", loc), scene)
+    a, valid = curves.location_matrix(ranks_of(scene, loc), scene)
     result = bootstrap.location_replicates(a, valid, scene.objects.query, scene.unchanged, weights)
     for value, times in zip(result, listed, strict=True):
         assert near(value, reference.location_controlled(scene, loc, times) if any(times) else None)
@@ -122,7 +122,7 @@ def test_every_query_once_is_the_point_estimate():
     curve = curves.thresholds(values[ranking.order], scene.positive[ranking.order])
     expected = curves.auroc(curve), curves.average_precision(curve), curves.f1_max(curve)
     assert np.ravel(curve_replicates(scene, loc, once)) == pytest.approx(expected, rel=1e-12)
-    a, valid = curves.location_matrix(values, scene)
+    a, valid = curves.location_matrix(ranks_of(scene, loc), scene)
     again = bootstrap.location_replicates(a, valid, scene.objects.query, scene.unchanged, once)
     assert again[0] == pytest.approx(curves.location_controlled_auroc(a, valid), rel=1e-12)
 
@@ -131,7 +131,7 @@ def test_merged_steps_move_the_curves_little():
     scene, loc = larger_scene()
     weights = bootstrap.resample(NAMES[:12], 50, 0)
     exact, merged = curve_replicates(scene, loc, weights), curve_replicates(scene, loc, weights, most=40)
-    steps = bootstrap.curve_steps(np.arange(1000.0)[::-1], np.ones(1000, dtype=bool), 7)
+    steps = bootstrap.curve_steps(curves.thresholds(np.arange(1000.0)[::-1], np.ones(1000, dtype=bool)), 7)
     assert len(steps) == 7
     assert steps[0, 0] == 0
     assert steps[-1, 1] == 1000

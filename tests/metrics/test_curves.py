@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fdslam.metrics import curves
 from tests import reference
-from tests.metrics.scenes import make, scenes, scenes_with_maps
+from tests.metrics.scenes import make, ranks_of, scenes, scenes_with_maps
 
 
 def near(value, expected):
@@ -47,7 +47,7 @@ def test_undefined():
 
 
 def location_controlled(scene, loc):
-    return curves.location_controlled_auroc(*curves.location_matrix(scene.flatten("map", loc), scene))
+    return curves.location_controlled_auroc(*curves.location_matrix(ranks_of(scene, loc), scene))
 
 
 @settings(max_examples=60, deadline=None)
