@@ -25,7 +25,7 @@ from fdslam.data import Outline
 from fdslam.detectors import comparison
 from fdslam.detectors.anomaly import untrained
 from fdslam.errors import InputError
-from fdslam.obb import expected_boxes
+from fdslam.obb import Library, expected_boxes
 from fdslam.progress import readable, say, worker_count
 from fdslam.store import Store
 from fdslam.types import Dataset, grid_shape
@@ -105,14 +105,14 @@ def everything(sizes: Outline) -> Todo:
     return Todo(sizes.missing, sizes.images, learned, queries, sizes.images, learned, queries)
 
 
-def remaining(config: Config, datasets: Sequence[Dataset], store: Store) -> Todo:
+def remaining(config: Config, datasets: Sequence[Dataset], library: Library, store: Store) -> Todo:
     """Return what is not stored yet of a run on loaded data sets; files are looked for, hardly one is read."""
     frames = {frame.digest: frame for one in datasets for frame in (*one.map, *one.query)}.values()
     features = mapping.FeatureStore(config.bow, store, config.workers)
     learn, train = dict[str, int](), dict[str, int]()
     localise = look = 0
     for one in datasets:
-        bow = mapping.BowMap(one.map, config.bow, config.obb.library, store, config.workers)
+        bow = mapping.BowMap(one.map, config.bow, library, store, config.workers)
         name = bow.keys[-1]
         learn[name], lost = bow.missing(one.query)
         train[name] = untrained(Context(config, one, store, (), (), ())) if "AD" in config.mix.detectors else 0
@@ -157,7 +157,7 @@ class _Plan:
         self.queries, self.longest = sum(q for q, _ in sizes.pairs), max(m for _, m in sizes.pairs)
         self.cells = self.queries * math.prod(grid_shape(sizes.height, sizes.width))
         self.maps = 4.2 * self.cells * todo.look / self.queries  # bytes of a detector's results on disk
-        self.obbs = expected_boxes(config.obb.library)
+        self.obbs = expected_boxes(config.obb)
         self.ranks = 2.0 * self.obbs * sum(q * m for q, m in sizes.pairs)  # bytes of the weak lists
         self.names = config.mix.detectors
         self.kept = LIBRARIES + self.ranks + self.cells * sum(8 if name == "AD" else 4 for name in self.names)

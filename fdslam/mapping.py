@@ -20,8 +20,9 @@ from fdslam.context import ensure, load
 from fdslam.data.images import LIBRARIES, read_image
 from fdslam.errors import InputError
 from fdslam.localization import keypoints_inside, localize
-from fdslam.obb import library_boxes
+from fdslam.obb import Library
 from fdslam.progress import progress
+from fdslam.proposals import Proposals
 from fdslam.store import Arrays, Key, Stage, Store
 from fdslam.types import Boxes, Features, Frame, Localization
 
@@ -61,10 +62,11 @@ class FeatureStore:
 class BowMap:
     """A bag-of-words map that grows image by image: what its first images give is stored and reused by longer maps."""
 
-    def __init__(self, frames: Sequence[Frame], config: Bow, library: str, store: Store, workers: int) -> None:
+    def __init__(self, frames: Sequence[Frame], config: Bow, library: Library, store: Store, workers: int) -> None:
         self.frames, self.config, self.library = tuple(frames), config, library
         self.store, self.workers = store, workers
         self.features = FeatureStore(config, store, workers)
+        self.proposals = Proposals(library, store, workers)
         self.keys: list[Key] = []  # of the words of each map image: a chain, as each depends on those before
         for frame in self.frames:
             inputs = [*self.keys[-1:], self.features.key(frame)]
@@ -91,11 +93,11 @@ class BowMap:
         )
 
     def _localization_keys(self, queries: Sequence[Frame]) -> list[Key]:
-        settings = {**part(self.config, Retrieval), "library": self.library}
+        settings = {**part(self.config, Retrieval), "library": self.library.identity}
         return [LOCALIZATION.key(settings, [self.keys[-1], self.features.key(frame)]) for frame in queries]
 
     def _map_key(self) -> Key:
-        documents = self.library if self.config.document == "obb" else ""
+        documents = self.library.identity if self.config.document == "obb" else []
         return MAP.key({"documents": documents}, self.keys[-1:])
 
     def _learn(self) -> BagOfWords:
@@ -121,10 +123,11 @@ class BowMap:
         """Return the inverted file of all map images, or of their OBBs."""
         if self.config.document == "image":
             return InvertedFile(words, len(vocabulary))
+        self.proposals.ensure(self.frames, "the map")
         inside = []
         for frame in progress(self.frames, len(self.frames), "OBBs of the map"):
-            boxes = library_boxes(self.library, read_image(frame.path)).xyxy
-            inside.append(keypoints_inside(boxes, self.features.load(frame).xy))
+            xyxy = self.proposals.of(frame).xyxy
+            inside.append(keypoints_inside(xyxy, self.features.load(frame).xy))
         return ObbDocuments.post(words, inside, len(vocabulary))
 
     def kept(self) -> float:
@@ -155,6 +158,7 @@ class BowMap:
 
     def _localize_missing(self, missing: list[Frame], keys: dict[Frame, Key]) -> None:
         self.features.ensure(missing, "features of the queries")  # a damaged query is found before the map is learned
+        self.proposals.ensure(missing, "the queries")
         _ = self.bag  # learned once here, before threads ask for it
         jobs = {self._words_key(frame): partial(self._match, frame) for frame in missing}
         ensure(self.store, WORDS, jobs, self.workers, "words of the queries")
@@ -165,7 +169,7 @@ class BowMap:
         return WORDS.key(part(self.config, Switches), [self.keys[-1], self.features.key(frame)])
 
     def _localize(self, frame: Frame) -> Arrays:
-        boxes = library_boxes(self.library, read_image(frame.path))
+        boxes = self.proposals.of(frame)
         query = self.features.load(frame)
         found = localize(self.bag, boxes, query, self.words(frame), self.config, self._map_features)
         compact = np.uint16 if len(self.frames) < 1 << 16 else np.int32

@@ -19,6 +19,7 @@ from fdslam.fusion import fuse
 from fdslam.mapping import BowMap
 from fdslam.mask import apply_masks, load_masks
 from fdslam.metrics import Figure, Leader, Row, Scene, evaluate, leaders, proportion
+from fdslam.obb import Library
 from fdslam.progress import progress, single_threaded
 from fdslam.provenance import Stopwatch
 from fdslam.sessions import identities, joined
@@ -112,6 +113,7 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     single_threaded()
     store = Store(config.store)
     with watch.stage("data"):
+        library = Library(config.obb, config.device)
         sizes = outline_of(config.dataset, store)
         if sizes is not None and sizes.missing:
             watch.expected = announce(config, sizes, everything(sizes), store)
@@ -119,8 +121,9 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
         for dataset in datasets:
             _check_truth(config, dataset)
         if sizes is None or not sizes.missing:
-            watch.expected = announce(config, outline(datasets), remaining(config, datasets, store), store)
-    located = [_locate(config, dataset, store, watch) for dataset in datasets]
+            todo = remaining(config, datasets, library, store)
+            watch.expected = announce(config, outline(datasets), todo, store)
+    located = [_locate(config, dataset, library, store, watch) for dataset in datasets]
     seen = [_see(config, one, store, watch) for one in located]
     # Pairs without annotations, where others have some, have no part in the table of all.
     annotated = [one for one in seen if one.located.dataset.boxes is not None] or seen
@@ -130,11 +133,11 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     return replace(outcome, pairs=pairs, over_Y=over)
 
 
-def _locate(config: Config, dataset: Dataset, store: Store, watch: Stopwatch) -> _Located:
+def _locate(config: Config, dataset: Dataset, library: Library, store: Store, watch: Stopwatch) -> _Located:
     with watch.stage("data"):
         masks = load_masks(dataset, config.mask)
     with watch.stage("map and localisation"):
-        bow = BowMap(dataset.map, config.bow, config.obb.library, store, config.workers)
+        bow = BowMap(dataset.map, config.bow, library, store, config.workers)
         keys, localizations = bow.localize(dataset.query)
         return _Located(dataset, tuple(localizations), tuple(keys), masks, bow.kept())
 

@@ -30,10 +30,13 @@ USAGE_ERROR, INTERRUPTED = 2, 130
 FOLDERS = (
     "dataset.root",
     "dataset.annotations",
+    "obb.yolo.weights",
+    "obb.bing.filters",
+    "mask.weights",
     "store",
     "hydra.run.dir",
     "hydra.sweep.dir",
-)  # keys whose values are folders
+)  # keys whose values are folders or files
 FREE_BYTES = 200_000_000  # what a small run writes; a full disk is told at the start rather than in an hour
 
 
@@ -49,25 +52,29 @@ def to_config(composed: DictConfig) -> Config:
         key = str(error.full_key or "").strip() or str(error)
         raise InputError(f"{key} is missing: give {key}=… on the command line") from None
     assert isinstance(config, Config)
-    groups: list[Checked] = [config, *(value for value in vars(config).values() if isinstance(value, Checked))]
-    for group in groups:
+    for group in _groups(config):
         for key in vars(group).keys() - {f.name for f in fields(group)}:  # type: ignore[arg-type]
             name = type(group).__name__.lower() if group.group is None else group.group
             raise InputError(unknown_key(f"{name}.{key}".lstrip(".")))
     return config
 
 
+def _groups(config: Checked) -> list[Checked]:
+    inner = [value for value in vars(config).values() if isinstance(value, Checked)]
+    return [config, *(group for one in inner for group in _groups(one))]
+
+
 def check_surroundings(config: Config) -> None:
     """Find in the first second what would otherwise end the run late.
 
     Raises:
-        InputError: the data set lacks something, the store cannot be written, the disk is nearly full, or the OBB
-            library names something unknown.
+        InputError: the data set lacks something, the store cannot be written, the disk is nearly full, the OBB
+            library names something unknown, or a model cannot be read.
     """
     from fdslam.data import check_dataset
-    from fdslam.obb import parse_library
+    from fdslam.obb import Library
 
-    parse_library(config.obb.library)
+    Library(config.obb, config.device)
     check_dataset(config.dataset)
     if config.mask.source == "labels" and config.dataset.kind in ("nclt", "pairs"):
         raise InputError(f"mask=labels: dataset={config.dataset.kind} has no label images; run with mask=none")
@@ -168,7 +175,7 @@ def one_line(error: Exception) -> str:
 
 
 def quote_paths(arguments: list[str]) -> list[str]:
-    """Return the arguments with folders quoted, so that any path the file system has is one value to Hydra.
+    """Return the arguments with folders and files quoted, so that any path the file system has is one value to Hydra.
 
     Left alone are paths in quotes already and, in a sweep, lists of them.
     """

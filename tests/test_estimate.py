@@ -12,6 +12,7 @@ from fdslam.config import Campus, Evaluation, Mix, Nclt, Report
 from fdslam.data import load_datasets, outline, outline_of
 from fdslam.errors import InputError
 from fdslam.estimate import check_room, estimate, everything, remaining, warn_of_memory
+from fdslam.obb import Library
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
 from fdslam.store import Store
@@ -27,7 +28,7 @@ def stored(store, stage):
 
 def todo(config):
     store = Store(config.store)
-    return vars(remaining(config, load_datasets(config.dataset, store, 1), store))
+    return vars(remaining(config, load_datasets(config.dataset, store, 1), Library(config.obb), store))
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fdslam.config import Bow, Folder
+from fdslam.config import Bow, Folder, Obb
 from fdslam.data.folder import read_folder
 from fdslam.mapping import BowMap
+from fdslam.obb import Library
 from fdslam.store import Store
 
 SETS = Path(__file__).parent.parent.parent / "shared" / "data"
@@ -29,7 +30,7 @@ def test_every_set_is_read_whole(name, maps, queries, boxes):
 def test_a_stretch_of_street_is_localised(tmp_path):
     data = read_folder(SETS / "camvid_changes", Folder())
     data = replace(data, map=data.map[:15], query=data.query[:15])
-    bow = BowMap(data.map, Bow(), "J+B", Store(tmp_path), 0)
+    bow = BowMap(data.map, Bow(), Library(Obb("J+B")), Store(tmp_path), 0)
     _, found = bow.localize(data.query)
     hits = [one.strong[0] in places for one, places in zip(found, data.relevant[:15], strict=True)]
     assert np.mean(hits) > 0.8  # chance is about 0.2

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fdslam.config import Bow, Campus
+from fdslam.config import Bow, Campus, Obb
 from fdslam.data import load_datasets
 from fdslam.data.campus import SESSIONS
 from fdslam.mapping import BowMap
+from fdslam.obb import Library
 from fdslam.progress import single_threaded
 from fdslam.store import Store
 from fdslam.types import Dataset
@@ -21,7 +22,7 @@ from fdslam.types import Dataset
 
 def recall(data: Dataset, store: Store, workers: int) -> float:
     """Return recall@1 in percent."""
-    _, found = BowMap(data.map, Bow(), "J+B", store, workers).localize(data.query)
+    _, found = BowMap(data.map, Bow(), Library(Obb("J+B")), store, workers).localize(data.query)
     assert data.relevant is not None
     return 100 * float(np.mean([one.strong[0] in true for one, true in zip(found, data.relevant, strict=True)]))
 

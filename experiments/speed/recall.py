@@ -14,10 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fdslam.config import Bow, Campus, Folder
+from fdslam.config import Bow, Campus, Folder, Obb
 from fdslam.data import load_datasets
 from fdslam.data.folder import read_folder
 from fdslam.mapping import BowMap
+from fdslam.obb import Library
 from fdslam.progress import single_threaded
 from fdslam.store import Store
 from fdslam.types import Dataset
@@ -28,7 +29,7 @@ EVERY_WORD = 1 << 30
 
 def localized(data: Dataset, config: Bow, store: Store) -> tuple[list[list[bool]], list[np.ndarray]]:
     """Return per query whether its place is in the first n of AT, and its words."""
-    bow = BowMap(data.map, config, "J+B", store, 0)
+    bow = BowMap(data.map, config, Library(Obb("J+B")), store, 0)
     _, found = bow.localize(data.query)
     assert data.relevant is not None
     hits = [[np.isin(one.strong[:n], true).any() for n in AT] for one, true in zip(found, data.relevant, strict=True)]

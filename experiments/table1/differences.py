@@ -4,7 +4,7 @@
         --yolo ../shared/data/models/yolox_nano.onnx
 
 The prototype's object boxes (BING, YOLO), its keypoints (OpenCV's SIFT) and its k are put into our pipeline one at a
-time; everything else stays as it is. ``--yolo`` takes a YOLOX model with raw heads and 416 × 416 pixels of input.
+time; everything else stays as it is. ``--yolo`` takes any detector that obb.yolo.weights takes.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 
-from fdslam.config import Ad, Config, Evaluation, Fd, Folder, Pc
+from fdslam.config import Ad, Config, Evaluation, Fd, Folder, Obb, Pc, Yolo
 from fdslam.context import Context
 from fdslam.data.folder import read_folder
 from fdslam.data.images import read_image
@@ -31,30 +30,11 @@ from fdslam.errors import InputError
 from fdslam.localization import localize
 from fdslam.mapping import BowMap
 from fdslam.metrics import Scene, evaluate
-from fdslam.obb import library_boxes
+from fdslam.obb import Library
 from fdslam.progress import single_threaded
+from fdslam.proposals import Proposals
 from fdslam.store import Store
-from fdslam.types import Boxes, Frame, Image
-
-SIDE, MOST, SCORE, OVERLAP = 416, 11, 0.25, 0.45
-
-
-def yolox(session: onnxruntime.InferenceSession, image: Image) -> NDArray[np.float32]:
-    """Return at most MOST boxes of a YOLOX network with raw heads: float32 [n, 4] xyxy pixels."""
-    height, width = image.shape[:2]
-    ratio = min(SIDE / height, SIDE / width)
-    canvas = np.full((SIDE, SIDE, 3), 114, np.uint8)
-    small = cv2.resize(image, (round(width * ratio), round(height * ratio)))
-    canvas[: small.shape[0], : small.shape[1]] = small
-    raw = session.run(None, {"images": canvas[..., ::-1].transpose(2, 0, 1)[None].astype(np.float32)})[0][0]
-    grids = [np.mgrid[: SIDE // s, : SIDE // s][::-1].reshape(2, -1).T for s in (8, 16, 32)]
-    stride = np.concatenate([np.full((len(g), 1), s) for g, s in zip(grids, (8, 16, 32), strict=True)])
-    centre, size = (raw[:, :2] + np.concatenate(grids)) * stride / ratio, np.exp(raw[:, 2:4]) * stride / ratio
-    score = (raw[:, 4:5] * raw[:, 5:]).max(axis=1)
-    corner = np.concatenate([centre - size / 2, size], axis=1)
-    kept = np.array(cv2.dnn.NMSBoxes(corner.tolist(), score.tolist(), SCORE, OVERLAP), int).ravel()[:MOST]
-    boxes = np.concatenate([corner[kept, :2], corner[kept, :2] + corner[kept, 2:]], axis=1)
-    return np.clip(boxes, 0, [width, height, width, height]).astype(np.float32)
+from fdslam.types import Boxes, Frame
 
 
 def random_boxes(frame: Frame, count: int = 50) -> NDArray[np.float32]:
@@ -70,10 +50,11 @@ def with_boxes(context: Context, bow: BowMap, more: Callable[[Frame], NDArray[np
     data, config = context.dataset, context.config
     maps = []
     for frame in data.query:
-        image, extra = read_image(frame.path), more(frame)
-        fixed = library_boxes(config.obb.library, image)
+        extra = more(frame)
+        fixed = bow.proposals.of(frame)
         boxes = Boxes(np.concatenate([fixed.xyxy, extra]), fixed.source + ("extra",) * len(extra))
-        one = localize(bow.index, boxes, bow.features.load(frame).xy, bow.words(frame), config.bow)
+        query, words = bow.features.load(frame), bow.words(frame)
+        one = localize(bow.bag, boxes, query, words, config.bow, lambda m: bow.features.load(data.map[m]))
         top = one.ranks[:, one.strong[: config.evaluation.Y]]
         maps.append(loc_cells(one.boxes.xyxy, top, frame.height, frame.width, Fd()))
     return maps
@@ -99,13 +80,13 @@ def main() -> None:
     """Print one line per variant."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--root", required=True)
-    parser.add_argument("--yolo", type=Path, help="YOLOX model with raw heads; without it that line is left out")
+    parser.add_argument("--yolo", type=Path, help="ONNX file of a detector; without it that line is left out")
     parser.add_argument("--store", default="outputs/store")
     options = parser.parse_args()
     single_threaded()
     config, store = Config(store=options.store), Store(options.store)
     data = read_folder(options.root, Folder(kind="folder", root=options.root))
-    bow = BowMap(data.map, config.bow, config.obb.library, store, 0)
+    bow = BowMap(data.map, config.bow, Library(config.obb), store, 0)
     keys, found = bow.localize(data.query)
     hypotheses = tuple(one.strong[: config.evaluation.Y].astype(np.int64) for one in found)
     context = Context(config, data, store, tuple(found), tuple(keys), hypotheses)
@@ -123,8 +104,9 @@ def main() -> None:
     print("| variant | X = 5 / 10 / 15 / 20 % | lc-AUROC |\n|---|---|---|")
     show("FD, J+B", list(DETECTORS["FD"](context).loc))
     if options.yolo:
-        session = onnxruntime.InferenceSession(str(options.yolo))
-        show("FD, J+B and YOLO's boxes", with_boxes(context, bow, lambda frame: yolox(session, read_image(frame.path))))
+        detector = Library(Obb("YOLO", Yolo(weights=str(options.yolo))))
+        found_by = Proposals(detector, store, 0)
+        show("FD, J+B and YOLO's boxes", with_boxes(context, bow, lambda frame: found_by.of(frame).xyxy))
     show("FD, J+B and 50 random boxes", with_boxes(context, bow, random_boxes))
     show("PC, Harris-Laplace upscaled to 720", list(DETECTORS["PC"](context).loc))
     coarse = replace(context, config=replace(config, pc=Pc(min_side=0)))

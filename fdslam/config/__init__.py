@@ -2,7 +2,8 @@
 
 ``conf/`` holds the values; this file says which keys exist and what they may be. Hydra merges the two, so an unknown
 key or a wrong type never reaches a stage. A base class (``Orb``, ``Vocabulary``, …) names the fields that one stage
-reads: its artefacts are addressed by those alone. The bag of words and the data sets have files of their own.
+reads: its artefacts are addressed by those alone. The bag of words, the OBB library and the data sets have files of
+their own.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ from hydra.core.config_store import ConfigStore
 
 from fdslam.config.bow import Bow, Orb, Retrieval, Vocabulary
 from fdslam.config.dataset import DATASETS, Campus, Dataset, Folder, Nclt, Pairs, Rendering
+from fdslam.config.obb import Bing, Obb, Yolo
 from fdslam.config.options import Checked, option, part
 
 __all__ = [
     "METHODS",
     "Ad",
     "Autoencoder",
+    "Bing",
     "Bow",
     "Campus",
     "Config",
@@ -40,18 +43,12 @@ __all__ = [
     "Report",
     "Retrieval",
     "Vocabulary",
+    "Yolo",
     "part",
     "register",
 ]
 
 METHODS = ("FD", "PC", "AD", "FD+AD+PC", "FD+AD", "FD+PC")  # Table I, top to bottom
-
-
-@dataclass
-class Obb(Checked):
-    """The OBB library: names joined by +."""
-
-    library: str = option("J+B", "parts of the OBB library joined by +, e.g. A+J+B")
 
 
 @dataclass

@@ -1,28 +1,40 @@
 """The OBB library: named sources of object bounding boxes, joined by ``+`` (§FD, fig. C).
 
-A source is a function from an image to boxes. Fixed templates look at the image's size alone.
+A source is made once for a run from its settings, knows what decides its boxes, and gives the boxes of an image. Fixed
+templates look at the image's size alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fdslam.config import Obb
 from fdslam.errors import InputError
-from fdslam.obb.templates import TEMPLATES, template_boxes
+from fdslam.obb.source import Source
+from fdslam.obb.templates import TEMPLATES, Template
 from fdslam.types import Boxes, Image
 
-Source = Callable[[Image], NDArray[np.float32]]  # uint8 RGB [H, W, 3] -> float32 [n, 4] xyxy pixels, half-open
+__all__ = ["SOURCES", "Library", "Source", "parse_library"]
 
 
-def _template(name: str, image: Image) -> NDArray[np.float32]:
-    return template_boxes(name, *image.shape[:2])
+def _template(name: str, config: Obb, device: str) -> Source:
+    return Template(name)
 
 
-SOURCES: dict[str, Source] = {name: partial(_template, name) for name in TEMPLATES}
+def _yolo(config: Obb, device: str) -> Source:
+    from fdslam.obb.yolo import Yolo  # onnxruntime takes a while to import, and most libraries do without
+
+    return Yolo(config.yolo, device)
+
+
+SOURCES: dict[str, Callable[[Obb, str], Source]] = {  # name -> makes it from the settings and the device
+    **{name: partial(_template, name) for name in TEMPLATES},
+    "YOLO": _yolo,
+}
 
 
 def parse_library(library: str) -> tuple[str, ...]:
@@ -40,14 +52,42 @@ def parse_library(library: str) -> tuple[str, ...]:
     return names
 
 
-def library_boxes(library: str, image: Image) -> Boxes:
-    """Return the OBBs of every source of the library for one image (uint8 RGB [H, W, 3])."""
-    names = parse_library(library)
-    found = [SOURCES[name](image) for name in names]
-    source = tuple(name for name, boxes in zip(names, found, strict=True) for _ in range(len(boxes)))
-    return Boxes(np.concatenate(found).astype(np.float32), source)
+class Library:
+    """The sources of one run. Threads may share it."""
+
+    def __init__(self, config: Obb, device: str = "cpu") -> None:
+        """Make every source; models are read here, so that what is wrong with one is found at the start.
+
+        Args:
+            config: the names of the sources and their settings.
+            device: where models run, cpu or cuda.
+
+        Raises:
+            InputError: an unknown source, or a model that is missing, damaged or not understood.
+        """
+        self.sources = {name: SOURCES[name](config, device) for name in parse_library(config.library)}
+
+    @property
+    def identity(self) -> list[dict[str, Any]]:
+        """What decides the boxes of an image, JSON-able: the sources in use, with their settings, and no others."""
+        return [{"source": name, **source.identity} for name, source in self.sources.items()]
+
+    def boxes(self, image: Image) -> Boxes:
+        """Return the OBBs of every source for one image (uint8 RGB [H, W, 3])."""
+        return joined({name: source.boxes(image) for name, source in self.sources.items()})
 
 
-def expected_boxes(library: str) -> int:
+def joined(found: dict[str, Any]) -> Boxes:
+    """Return the boxes of several sources as one set.
+
+    Args:
+        found: per source float32 [n, 4] xyxy pixels.
+    """
+    source = tuple(name for name, boxes in found.items() for _ in range(len(boxes)))
+    return Boxes(np.concatenate(list(found.values())).astype(np.float32).reshape(-1, 4), source)
+
+
+def expected_boxes(config: Obb) -> int:
     """Return about how many OBBs the library has in an image, for estimates."""
-    return sum(len(TEMPLATES[name]) for name in parse_library(library))
+    most = {"BING": config.bing.count, "YOLO": config.yolo.count}
+    return sum(most[name] if name in most else len(TEMPLATES[name]) for name in parse_library(config.library))

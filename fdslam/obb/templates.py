@@ -6,10 +6,14 @@ of the image, so a template is the same at every size; edges are rounded to whol
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fdslam.types import Image
 
 ROWS, COLUMNS = 6, 4
 
@@ -41,3 +45,16 @@ def template_boxes(name: str, height: int, width: int) -> NDArray[np.float32]:
     """Return the boxes of template ``name`` as float32 [n, 4] xyxy pixels, half-open, for an image of that size."""
     fractions = np.array(TEMPLATES[name])
     return np.rint(fractions * [width, height, width, height]).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Template:
+    """A fixed template as a source of OBBs."""
+
+    name: str
+    module: ClassVar[str] = ""
+    identity: ClassVar[dict[str, str]] = {}
+
+    def boxes(self, image: Image) -> NDArray[np.float32]:
+        """Return the boxes for an image of that size, float32 [n, 4] xyxy pixels, half-open."""
+        return template_boxes(self.name, *image.shape[:2])

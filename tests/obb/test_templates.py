@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from fdslam.config import Bing, Obb, Yolo
 from fdslam.errors import InputError
-from fdslam.obb import library_boxes, parse_library
+from fdslam.obb import Library, parse_library
 from fdslam.obb.templates import TEMPLATES, template_boxes
 
 COUNTS = {"A": 1, "B": 4, "C": 2, "D": 3, "E": 1, "F": 3, "G": 3, "H": 9, "I": 6, "J": 15}
@@ -48,7 +49,7 @@ def test_sizes_in_cells():
 
 
 def test_library_joins_its_parts():
-    boxes = library_boxes("J + B", np.zeros((60, 40, 3), np.uint8))
+    boxes = Library(Obb("J + B")).boxes(np.zeros((60, 40, 3), np.uint8))
     assert boxes.source == ("J",) * 15 + ("B",) * 4
     assert boxes.xyxy.shape == (19, 4)
 
@@ -57,3 +58,12 @@ def test_library_joins_its_parts():
 def test_unknown_or_repeated_parts_are_refused(library):
     with pytest.raises(InputError, match=r"obb\.library"):
         parse_library(library)
+    with pytest.raises(InputError, match=r"obb\.library"):
+        Library(Obb(library))
+
+
+def test_settings_that_no_source_uses_decide_nothing():
+    plain = Library(Obb("J+B"))
+    assert plain.identity == [{"source": "J"}, {"source": "B"}]
+    assert Library(Obb("J+B", Yolo(weights="/nowhere", score=0.9), Bing(count=3))).identity == plain.identity
+    assert Library(Obb("B+J")).identity != plain.identity
