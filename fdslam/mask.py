@@ -3,45 +3,99 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.config import Mask
-from fdslam.data.images import read_labels
+from fdslam.context import ensure, load
+from fdslam.data.images import LIBRARIES, read_image, read_labels
 from fdslam.errors import InputError
-from fdslam.types import CELL, LABELS, Dataset, grid_shape
+from fdslam.store import Arrays, Stage, Store
+from fdslam.types import CELL, LABELS, Dataset, Frame, grid_shape
+
+if TYPE_CHECKING:
+    from fdslam.segmentation import Segmentation
 
 UNINTERESTING = (LABELS.index("sky"), LABELS.index("ground"))
+STAGE = Stage("mask", ("fdslam.mask", "fdslam.segmentation"), LIBRARIES)
 
 
-def masked_cells(labels: NDArray[np.uint8], min_share: float) -> NDArray[np.bool_]:
-    """Tell which cells are sky or ground.
+def segmentation(config: Mask, device: str) -> Segmentation | None:
+    """Return the model that tells sky and ground, made once for a run; None where the mask needs none.
+
+    Raises:
+        InputError: a model that is missing, damaged or not understood.
+    """
+    if config.source != "deeplabv3plus":
+        return None
+    from fdslam.segmentation import Segmentation  # onnxruntime takes a while to import
+
+    return Segmentation(config, device)
+
+
+def dull_pixels(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return how many pixels of every cell are sky or ground: uint8 [rows, columns], at most 100.
 
     Args:
         labels: uint8 [H, W], indices into ``LABELS``.
+    """
+    rows, columns = grid_shape(*labels.shape)
+    dull = np.isin(labels, UNINTERESTING).astype(np.int64)
+    starts = np.arange(rows) * CELL, np.arange(columns) * CELL
+    return np.add.reduceat(np.add.reduceat(dull, starts[0], axis=0), starts[1], axis=1).astype(np.uint8)
+
+
+def masked_cells(dull: NDArray[np.uint8], height: int, width: int, min_share: float) -> NDArray[np.bool_]:
+    """Tell which cells are reset.
+
+    Args:
+        dull: uint8 [rows, columns], pixels of sky or ground.
+        height: of the image, pixels.
+        width: of the image, pixels.
         min_share: a cell is masked where at least this share of its pixels is sky or ground. The paper resets pixels
             and a cell takes the maximum of its pixels: that is a share of 1.
 
     Returns:
         bool [rows, columns].
     """
-    rows, columns = grid_shape(*labels.shape)
-    dull = np.isin(labels, UNINTERESTING).astype(np.int64)
-    starts = np.arange(rows) * CELL, np.arange(columns) * CELL
-    count = np.add.reduceat(np.add.reduceat(dull, starts[0], axis=0), starts[1], axis=1)
-    size = np.outer(np.diff([*starts[0], labels.shape[0]]), np.diff([*starts[1], labels.shape[1]]))
-    return count >= np.maximum(min_share * size, 1)
+    starts = (np.arange(count) * CELL for count in dull.shape)
+    sides = [np.diff([*start, side]) for start, side in zip(starts, (height, width), strict=True)]
+    return dull >= np.maximum(min_share * np.outer(*sides), 1)
 
 
-def load_masks(dataset: Dataset, config: Mask) -> list[NDArray[np.bool_]] | None:
+def _dull(model: Segmentation, frame: Frame) -> Arrays:
+    return {"dull": dull_pixels(model.labels(read_image(frame.path)))}
+
+
+def load_masks(
+    dataset: Dataset, config: Mask, model: Segmentation | None, store: Store, workers: int
+) -> list[NDArray[np.bool_]] | None:
     """Return per query which cells are masked, or None for no mask.
+
+    Args:
+        dataset: of which the queries are masked.
+        config: the switches.
+        model: as ``segmentation`` returns it.
+        store: keeps what the model says.
+        workers: that look at images in parallel.
 
     Raises:
         InputError: ``mask=labels`` and a query has no label image, or one that does not fit.
     """
     if config.source == "none":
         return None
+    if model is not None:
+        keys = [STAGE.key(model.identity, [frame.digest]) for frame in dataset.query]
+        jobs = {key: partial(_dull, model, frame) for key, frame in zip(keys, dataset.query, strict=True)}
+        ensure(store, STAGE, jobs, workers, "masks")
+        counts = [load(store, STAGE, key, jobs[key])["dull"] for key in keys]
+        return [
+            masked_cells(dull, frame.height, frame.width, config.min_share)
+            for dull, frame in zip(counts, dataset.query, strict=True)
+        ]
     masks = []
     for i, frame in enumerate(dataset.query):
         path = dataset.labels[i] if dataset.labels is not None else None
@@ -50,7 +104,8 @@ def load_masks(dataset: Dataset, config: Mask) -> list[NDArray[np.bool_]] | None
                 f"mask=labels: {dataset.name} has no label image for {frame.name}; "
                 "add labels/NAME.png for every query or run with mask=none"
             )
-        masks.append(masked_cells(read_labels(path, frame.height, frame.width, len(LABELS)), config.min_share))
+        dull = dull_pixels(read_labels(path, frame.height, frame.width, len(LABELS)))
+        masks.append(masked_cells(dull, frame.height, frame.width, config.min_share))
     return masks
 
 

@@ -6,8 +6,11 @@ at a time goes through a model: nothing depends on what else is in a batch.
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import logging
+import math
+import re
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,15 +54,45 @@ class Model:
     metadata: dict[str, str]
 
     def says(self, key: str, choices: tuple[str, ...]) -> str:
-        """Return what the metadata say under a key; empty where they say nothing.
+        """Return what the metadata say under ``fdslam.KEY``; empty where they say nothing.
 
         Raises:
             InputError: something that is not among the choices.
         """
-        value = self.metadata.get(key, "").strip().lower()
+        value = self.metadata.get(f"fdslam.{key}", "").strip().lower()
         if value and value not in choices:
-            raise InputError(f"{self.where}: its metadata say {key}={value}; known are {', '.join(choices)}")
+            raise InputError(f"{self.where}: its metadata say fdslam.{key}={value}; known are {', '.join(choices)}")
         return value
+
+    def numbers(self, key: str) -> tuple[float, ...]:
+        """Return the numbers under ``fdslam.KEY``, as "8 16 32" or "[8, 16, 32]"; none where the metadata say nothing.
+
+        Raises:
+            InputError: something that is no number.
+        """
+        text = self.metadata.get(f"fdslam.{key}", "")
+        try:
+            found = tuple(float(word) for word in re.split(r"[\s,\[\]()]+", text) if word)
+        except ValueError:
+            found = (math.nan,)
+        if not all(map(math.isfinite, found)):
+            raise InputError(f"{self.where}: its metadata say fdslam.{key}={text}; numbers are needed")
+        return found
+
+    def names(self) -> tuple[str, ...]:
+        """Return the class names in the metadata: a list, or a dict from number to name, as YOLOv5 and later write it.
+
+        Empty where they name none, or in a way that is not understood.
+        """
+        try:
+            names = ast.literal_eval(self.metadata.get("names", "()"))
+        except (ValueError, SyntaxError, MemoryError, RecursionError):
+            return ()
+        if isinstance(names, dict):
+            if sorted(map(str, names)) != sorted(map(str, range(len(names)))):
+                return ()
+            names = [name for _, name in sorted((int(number), name) for number, name in names.items())]
+        return tuple(map(str, names)) if isinstance(names, list | tuple) else ()
 
     @property
     def identity(self) -> dict[str, str]:

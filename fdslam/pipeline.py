@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from fdslam.errors import InputError
 from fdslam.estimate import announce, everything, remaining
 from fdslam.fusion import fuse
 from fdslam.mapping import BowMap
-from fdslam.mask import apply_masks, load_masks
+from fdslam.mask import apply_masks, load_masks, segmentation
 from fdslam.metrics import Figure, Leader, Row, Scene, evaluate, leaders, proportion
 from fdslam.obb import Library
 from fdslam.progress import progress, single_threaded
@@ -25,6 +26,9 @@ from fdslam.provenance import Stopwatch
 from fdslam.sessions import identities, joined
 from fdslam.store import Key, Store
 from fdslam.types import Dataset, Localization
+
+if TYPE_CHECKING:
+    from fdslam.segmentation import Segmentation
 
 RECALL_AT = (1, 5, 10)
 FEWEST_DRAWS = 10  # of a bootstrap whose intervals nobody reads
@@ -66,6 +70,14 @@ class _Seen:
     hypotheses: tuple[NDArray[np.int64], ...]
     found: dict[str, Maps]  # per detector
     kept: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Models:
+    """What is made once for a run, as reading it takes a while."""
+
+    library: Library
+    segmentation: Segmentation | None  # None: the mask needs no model
 
 
 class _Fused(Mapping[str, Maps]):
@@ -113,7 +125,7 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     single_threaded()
     store = Store(config.store)
     with watch.stage("data"):
-        library = Library(config.obb, config.device)
+        models = _Models(Library(config.obb, config.device), segmentation(config.mask, config.device))
         sizes = outline_of(config.dataset, store)
         if sizes is not None and sizes.missing:
             watch.expected = announce(config, sizes, everything(sizes), store)
@@ -121,9 +133,9 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
         for dataset in datasets:
             _check_truth(config, dataset)
         if sizes is None or not sizes.missing:
-            todo = remaining(config, datasets, library, store)
+            todo = remaining(config, datasets, models.library, store)
             watch.expected = announce(config, outline(datasets), todo, store)
-    located = [_locate(config, dataset, library, store, watch) for dataset in datasets]
+    located = [_locate(config, dataset, models, store, watch) for dataset in datasets]
     seen = [_see(config, one, store, watch) for one in located]
     # Pairs without annotations, where others have some, have no part in the table of all.
     annotated = [one for one in seen if one.located.dataset.boxes is not None] or seen
@@ -133,11 +145,11 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     return replace(outcome, pairs=pairs, over_Y=over)
 
 
-def _locate(config: Config, dataset: Dataset, library: Library, store: Store, watch: Stopwatch) -> _Located:
+def _locate(config: Config, dataset: Dataset, models: _Models, store: Store, watch: Stopwatch) -> _Located:
     with watch.stage("data"):
-        masks = load_masks(dataset, config.mask)
+        masks = load_masks(dataset, config.mask, models.segmentation, store, config.workers)
     with watch.stage("map and localisation"):
-        bow = BowMap(dataset.map, config.bow, library, store, config.workers)
+        bow = BowMap(dataset.map, config.bow, models.library, store, config.workers)
         keys, localizations = bow.localize(dataset.query)
         return _Located(dataset, tuple(localizations), tuple(keys), masks, bow.kept())
 

@@ -72,12 +72,16 @@ def check_surroundings(config: Config) -> None:
             library names something unknown, or a model cannot be read.
     """
     from fdslam.data import check_dataset
+    from fdslam.mask import segmentation
     from fdslam.obb import Library
 
     Library(config.obb, config.device)
+    segmentation(config.mask, config.device)
     check_dataset(config.dataset)
     if config.mask.source == "labels" and config.dataset.kind in ("nclt", "pairs"):
-        raise InputError(f"mask=labels: dataset={config.dataset.kind} has no label images; run with mask=none")
+        raise InputError(
+            f"mask=labels: dataset={config.dataset.kind} has no label images; run with mask=deeplabv3plus or mask=none"
+        )
     if not re.fullmatch(r"cpu|cuda(:\d+)?", config.device):
         raise InputError(f"device={config.device}: choose cpu or cuda")
     if config.device != "cpu":

@@ -85,3 +85,42 @@ def colour_finder(path, layout, height=64, width=64, white=None, dynamic=False, 
     outputs = [("output", ["one", "rows", "columns"] if dynamic else shape)]
     onnx.save(model(nodes, inputs, outputs, constants, metadata), path)
     return path
+
+
+def painter(path, classes, height=64, width=64, kind="planar", factor=1, metadata=None, free=False):
+    """Write a segmentation that tells how bright red is: class k where v / 255 is near k / (classes - 1).
+
+    Its input is v / 255 in RGB; ``kind`` is planar or last (logits), numbers (of classes), or numbers4 (1 between).
+    """
+    levels = np.linspace(0, 1, classes, dtype=np.float32).reshape(1, classes, 1, 1)
+    nodes = [
+        helper.make_node("AveragePool", ["image"], ["small"], kernel_shape=[factor] * 2, strides=[factor] * 2),
+        helper.make_node("Slice", ["small", "zero", "one", "axis"], ["red"]),
+        helper.make_node("Sub", ["red", "levels"], ["distance"]),
+        helper.make_node("Abs", ["distance"], ["far"]),
+        helper.make_node("Neg", ["far"], ["logits"]),
+    ]
+    constants = [("levels", levels), ("zero", np.array([0])), ("one", np.array([1])), ("axis", np.array([1]))]
+    sizes = ["h", "w"] if free else [height, width]
+    out = ["a", "b"] if free else [height // factor, width // factor]
+    shape, dtype = [1, classes, *out], TensorProto.FLOAT
+    if kind == "last":
+        nodes.append(helper.make_node("Transpose", ["logits"], ["y"], perm=[0, 2, 3, 1]))
+        shape = [1, *out, classes]
+    elif kind == "planar":
+        nodes.append(helper.make_node("Identity", ["logits"], ["y"]))
+    else:
+        nodes.append(helper.make_node("ArgMax", ["logits"], ["y"], axis=1, keepdims=int(kind == "numbers4")))
+        shape, dtype = ([1, 1, *out] if kind == "numbers4" else [1, *out]), TensorProto.INT64
+    graph = helper.make_graph(
+        nodes,
+        "painter",
+        [helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 3, *sizes])],
+        [helper.make_tensor_value_info("y", dtype, shape)],
+        [numpy_helper.from_array(array, name) for name, array in constants],
+    )
+    made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=10)
+    helper.set_model_props(made, metadata or {})
+    onnx.checker.check_model(made)
+    onnx.save(made, path)
+    return path

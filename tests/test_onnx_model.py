@@ -15,7 +15,9 @@ from tests.onnx_models import colour_finder, constant, model
 
 @pytest.fixture
 def path(tmp_path):
-    return colour_finder(tmp_path / "m.onnx", "yolox", metadata={"layout": "YOLOX", "odd": "value"})
+    return colour_finder(
+        tmp_path / "m.onnx", "yolox", metadata={"fdslam.layout": "YOLOX", "fdslam.odd": "value", "layout": "none"}
+    )
 
 
 def load(path, **changes):
@@ -29,8 +31,38 @@ def test_what_a_model_says_of_itself(path):
     assert (found.provider, found.outputs) == ("CPUExecutionProvider", ("output",))
     assert found.says("layout", ("yolox", "yolov5")) == "yolox"
     assert found.says("nothing", ("a",)) == ""
-    with pytest.raises(InputError, match="its metadata say odd=value; known are a, b"):
+    with pytest.raises(InputError, match=r"its metadata say fdslam\.odd=value; known are a, b"):
         found.says("odd", ("a", "b"))
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("{0: 'person', 1: 'car'}", ("person", "car")),
+        ('{"1": "car", "0": "person"}', ("person", "car")),
+        ('["person", "car"]', ("person", "car")),
+        ("{0: 'a', 2: 'b'}", ()),
+        ("{'a': 0}", ()),
+        ("person, car", ()),
+        ("__import__('os')", ()),
+        ("[" * 500, ()),
+        ("3", ()),
+        ("", ()),
+    ],
+)
+def test_names_of_the_metadata(text, names, tmp_path):
+    assert load(colour_finder(tmp_path / "m.onnx", "yolov8", metadata={"names": text})).names() == names
+
+
+@pytest.mark.parametrize(
+    ("text", "numbers"), [("8 16 32", (8, 16, 32)), ("[0.5, 2]", (0.5, 2)), ("255", (255,)), ("", ())]
+)
+def test_numbers_of_the_metadata(text, numbers, tmp_path):
+    found = load(colour_finder(tmp_path / "m.onnx", "yolov8", metadata={"fdslam.mean": text}))
+    assert found.numbers("mean") == numbers
+    found = load(colour_finder(tmp_path / "m.onnx", "yolov8", metadata={"fdslam.mean": "1 nan"}))
+    with pytest.raises(InputError, match=r"fdslam\.mean=1 nan; numbers are needed"):
+        found.numbers("mean")
 
 
 def test_sizes_that_are_free_and_planes_that_are_last(tmp_path):

@@ -15,6 +15,7 @@ from hydra.core.config_store import ConfigStore
 
 from fdslam.config.bow import Bow, Orb, Retrieval, Vocabulary
 from fdslam.config.dataset import DATASETS, Campus, Dataset, Folder, Nclt, Pairs, Rendering
+from fdslam.config.mask import Mask
 from fdslam.config.obb import Bing, Obb, Yolo
 from fdslam.config.options import Checked, option, part
 
@@ -135,14 +136,6 @@ class Mix(Checked):
     def detectors(self) -> list[str]:
         """What the rows are made of, in the order of their first use."""
         return list(dict.fromkeys(part for row in self.rows for part in row.split("+")))
-
-
-@dataclass
-class Mask(Checked):
-    """Sky and ground, where no change of interest is expected."""
-
-    source: str = option("none", "where the labels come from", choices=("none", "labels"))
-    min_share: float = option(1.0, "a cell is set to 0 where at least this share of it is sky or ground", low=0, high=1)
 
 
 @dataclass

@@ -1,13 +1,12 @@
 """OBBs by a YOLO-style detector (§FD): the supervised source of the library, at most 11 an image.
 
 Where nothing is found the image has none of these OBBs: a box made up would say that there is something. What a model
-needs is told by its metadata (``layout``, ``strides``, ``names``, ``channels``, ``white``, ``placement``), or by the
-configuration, or recognised from its shapes; docs/models.md has the table.
+needs is told by the configuration, or by its metadata (``names``; ``fdslam.layout``, ``fdslam.strides``,
+``fdslam.channels``, ``fdslam.white``, ``fdslam.placement``), or recognised from its shapes (docs/models.md).
 """
 
 from __future__ import annotations
 
-import ast
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -18,7 +17,7 @@ from fdslam.config import Yolo as Settings
 from fdslam.errors import InputError
 from fdslam.obb.yolo.heads import LAYOUTS, Candidates, Head, UnknownHead, recognise
 from fdslam.obb.yolo.letterbox import GREY, letterbox
-from fdslam.obb.yolo.names import chosen_classes, class_names, named_by
+from fdslam.obb.yolo.names import COCO, chosen_classes
 from fdslam.obb.yolo.suppression import Tile, merged, suppressed, taken
 from fdslam.obb.yolo.tiles import tiles_of
 from fdslam.onnx_model import load_model, shipped
@@ -66,7 +65,7 @@ class Yolo:
         self.head = self._recognised()
         # Order of the channels, value of white, and where the image lies: as told, or as its family has it.
         self.input = self._input()
-        self.names = class_names(self.model.metadata, self.head.classes)
+        self.names = self.model.names() or (COCO if self.head.classes == len(COCO) else ())
         self.classes = chosen_classes(config.classes, self.names, self.head.classes)
 
     def _side(self, fixed: int | None) -> int:
@@ -83,9 +82,9 @@ class Yolo:
         # Before the layout is known, white is not either; what a grey canvas gives has the same shape by every scale.
         grey = np.full((self.height, self.width, 3), GREY * self._white(layout) / 255, np.float32)
         outputs = self.model.run(grey)
-        strides = _numbers(says.get("strides", ""))
+        strides = [int(stride) for stride in self.model.numbers("strides")]
         try:
-            return recognise(outputs, self.height, self.width, layout, strides, len(named_by(says)))
+            return recognise(outputs, self.height, self.width, layout, strides, len(self.model.names()))
         except UnknownHead as error:
             raise InputError(f"{self.model.where}: {error}") from error
 
@@ -95,8 +94,8 @@ class Yolo:
         return configured if configured != "auto" else self.model.says(key, choices)
 
     def _white(self, layout: str) -> float:
-        says = _numbers(self.model.metadata.get("white", ""))
-        return self.config.white or (float(says[0]) if says else 255.0 if layout == "yolox" else 1.0)
+        family = 255.0 if layout == "yolox" else 1.0
+        return self.config.white or next(iter(self.model.numbers("white")), family)
 
     def _input(self) -> tuple[str, float, str]:
         raw = self.head.layout == "yolox"
@@ -147,13 +146,3 @@ class Yolo:
         found = taken(found, np.isin(found.label, self.classes))
         placed_back = placed.back(found.xyxy) + np.array([x0, y0, x0, y0], np.float64)
         return suppressed(Candidates(placed_back, found.score, found.label), self.config.nms)
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    """Return e.g. "[8, 16, 32]" or "8, 16, 32" as numbers; empty where it is neither."""
-    try:
-        value = ast.literal_eval(text or "()")
-    except (ValueError, SyntaxError):
-        return ()
-    items = value if isinstance(value, list | tuple) else (value,)
-    return tuple(items) if all(isinstance(item, int) and item > 0 for item in items) else ()

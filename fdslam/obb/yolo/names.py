@@ -1,10 +1,9 @@
-"""Names of a detector's classes: those the model brings, or COCO's where it has 80 and says nothing."""
+"""Names of a detector's classes, and which of them count."""
 
 from __future__ import annotations
 
-import ast
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from fdslam.errors import InputError
 
@@ -18,27 +17,6 @@ COCO = (
     "tv", "laptop", "mouse", "remote", "keyboard", "cell phone", "microwave", "oven", "toaster", "sink",
     "refrigerator", "book", "clock", "vase", "scissors", "teddy bear", "hair drier", "toothbrush",
 )  # fmt: skip
-
-
-def named_by(metadata: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the names in a model's metadata: a list, or a dict from number to name, as YOLOv5 and later write it.
-
-    Empty where it names none, or in a way that is not understood.
-    """
-    try:
-        names = ast.literal_eval(metadata.get("names", "()"))
-    except (ValueError, SyntaxError, MemoryError, RecursionError):
-        return ()
-    if isinstance(names, dict):
-        if sorted(map(str, names)) != sorted(map(str, range(len(names)))):
-            return ()
-        names = [name for _, name in sorted((int(number), name) for number, name in names.items())]
-    return tuple(map(str, names)) if isinstance(names, list | tuple) else ()
-
-
-def class_names(metadata: Mapping[str, str], count: int) -> tuple[str, ...]:
-    """Return the names of ``count`` classes; empty where nobody says them."""
-    return named_by(metadata) or (COCO if count == len(COCO) else ())
 
 
 def chosen_classes(wanted: Sequence[str], names: Sequence[str], count: int) -> tuple[int, ...]:

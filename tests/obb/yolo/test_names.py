@@ -1,37 +1,12 @@
 import pytest
 
 from fdslam.errors import InputError
-from fdslam.obb.yolo.names import COCO, chosen_classes, class_names, named_by
+from fdslam.obb.yolo.names import COCO, chosen_classes
 
 
 def test_coco_has_80_different_names():
     assert len(set(COCO)) == 80
     assert (COCO[0], COCO[2], COCO[16], COCO[79]) == ("person", "car", "dog", "toothbrush")
-
-
-@pytest.mark.parametrize(
-    ("text", "names"),
-    [
-        ("{0: 'person', 1: 'car'}", ("person", "car")),
-        ('{"1": "car", "0": "person"}', ("person", "car")),
-        ('["person", "car"]', ("person", "car")),
-        ("{0: 'a', 2: 'b'}", ()),
-        ("{'a': 0}", ()),
-        ("person, car", ()),
-        ("__import__('os')", ()),
-        ("[" * 500, ()),
-        ("3", ()),
-        ("", ()),
-    ],
-)
-def test_names_of_the_metadata(text, names):
-    assert named_by({"names": text}) == names
-
-
-def test_whose_names():
-    assert class_names({"names": "['a', 'b']"}, 2) == ("a", "b")
-    assert class_names({}, 80) == COCO
-    assert class_names({}, 3) == ()
 
 
 def test_chosen_by_name_or_number():

@@ -105,13 +105,13 @@ def test_channels_white_and_placement_as_told(tmp_path):
 
 
 def test_what_the_metadata_say_is_done_unless_the_configuration_says_more(tmp_path):
-    says = {"white": "255", "channels": "bgr", "placement": "corner"}
+    says = {"fdslam.white": "255", "fdslam.channels": "bgr", "fdslam.placement": "corner"}
     path = colour_finder(tmp_path / "m.onnx", "yolov8", white=255.0, metadata=says)
     assert Yolo(Settings(weights=str(path))).input == ("bgr", 255.0, "corner")
     told = Settings(weights=str(path), white=2, channels="rgb", placement="centre")
     assert Yolo(told).input == ("rgb", 2.0, "centre")
-    colour_finder(path, "yolov8", metadata={"channels": "yuv"})
-    with pytest.raises(InputError, match="metadata say channels=yuv; known are rgb, bgr"):
+    colour_finder(path, "yolov8", metadata={"fdslam.channels": "yuv"})
+    with pytest.raises(InputError, match=r"metadata say fdslam\.channels=yuv; known are rgb, bgr"):
         Yolo(Settings(weights=str(path)))
 
 
@@ -191,7 +191,10 @@ def test_a_grey_image_is_one_of_three_equal_channels_and_16_bit_is_refused(tmp_p
     [
         (lambda p: colour_finder(p, "yolov8", metadata={"task": "segment"}), "metadata say task=segment"),
         (lambda p: colour_finder(p, "yolov8", metadata={"names": "['a']"}), "has 3 classes, and the model names 1"),
-        (lambda p: colour_finder(p, "yolov8", metadata={"layout": "ssd"}), "metadata say layout=ssd; known are yolox"),
+        (
+            lambda p: colour_finder(p, "yolov8", metadata={"fdslam.layout": "ssd"}),
+            r"say fdslam\.layout=ssd; known",
+        ),
         (lambda p: constant(p, np.zeros((1, 100, 4)), np.zeros((1, 100))), r"outputs are \[1, 100, 4\], \[1, 100\]"),
         (lambda p: constant(p, np.zeros((1, 300, 6))), "boxes after suppression are not read"),
         (lambda p: constant(p, np.zeros((1, 1000))), r"outputs are \[1, 1000\]; expected \[1, n, 5 \+ classes\]"),
@@ -212,7 +215,7 @@ def test_a_missing_model_says_the_way_out(tmp_path):
 
 def test_a_shipped_model_that_is_not_there_says_what_works_without(tmp_path, monkeypatch):
     monkeypatch.setattr(onnx_model, "WEIGHTS", tmp_path)
-    with pytest.raises(InputError, match=r"yolo_campus\.onnx: no such file; .* fetch yolox-nano .* as obb=j_b does"):
+    with pytest.raises(InputError, match=r"yolo_campus\.onnx: no such file; .*fetch yolox-nano .* as obb=j_b does"):
         Yolo(Settings())
 
 
