@@ -1,6 +1,7 @@
 """Models whose classes are painted in shades of red; and a real one where it is there."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,7 +10,6 @@ import pytest
 
 from fdslam import onnx_model
 from fdslam.config import Mask
-from fdslam.data.campus import World
 from fdslam.data.images import read_image
 from fdslam.errors import InputError
 from fdslam.segmentation import NORMALISATIONS, Segmentation
@@ -183,31 +183,14 @@ needs_ade20k = pytest.mark.skipif(not ADE20K.is_file(), reason=f"no real segment
 
 @needs_ade20k
 def test_a_real_model_sees_sky_above_and_road_below_whatever_the_threads():
-    paths = sorted((SHARED / "camvid_changes" / "query").glob("*.jpg"))[60:140:60]
-    images = [read_image(path) for path in paths]
+    image = read_image(sorted((SHARED / "camvid_changes" / "query").glob("*.jpg"))[120])
     settings = Mask("deeplabv3plus", weights=str(ADE20K))
-    one, three = Segmentation(settings), Segmentation(Mask("deeplabv3plus", weights=str(ADE20K), threads=3))
-    assert one.labels_of_classes.tolist() == labels_of(ADE20K_32).tolist()
-    alone = [one.labels(image) for image in images]
-    for labels in alone:
-        assert (labels[-80:-20, 160:320] == GROUND).mean() > 0.8
-        assert not (labels[-80:] == SKY).any()
-    assert np.mean([(labels[:60] == SKY).mean() for labels in alone]) > 0.2
+    model = Segmentation(settings)
+    assert model.labels_of_classes.tolist() == labels_of(ADE20K_32).tolist()
+    labels = model.labels(image)
+    assert (labels[-80:-20, 160:320] == GROUND).mean() > 0.9
+    assert not (labels[-80:] == SKY).any()
+    assert (labels[:100, 250:300] == SKY).mean() > 0.5
     with ThreadPoolExecutor(2) as pool:
-        assert all(np.array_equal(a, b) for a, b in zip(alone, pool.map(one.labels, images), strict=True))
-    assert all(np.array_equal(a, three.labels(image)) for a, image in zip(alone, images, strict=True))
-
-
-@needs_ade20k
-def test_a_real_model_knows_sky_and_ground_of_the_campus():
-    """The order of channels and the normalisation show in this figure: told wrongly, it falls."""
-    world = World(seed=4, images=96, width=308, height=404)
-    views = [world.view("SU", index) for index in (9,)]
-
-    def agreement(**changes):
-        model = Segmentation(Mask("deeplabv3plus", weights=str(ADE20K), **changes))
-        pairs = [(np.isin(model.labels(view.image), (0, 1)), np.isin(view.labels, (0, 1))) for view in views]
-        return np.mean([(a & b).sum() / (a | b).sum() for a, b in pairs])
-
-    assert agreement() > 0.6
-    assert agreement() > agreement(normalise="raw")
+        assert all(np.array_equal(labels, other) for other in pool.map(model.labels, [image, image]))
+    assert np.array_equal(Segmentation(replace(settings, threads=3)).labels(image), labels)
