@@ -8,8 +8,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
-from fdslam.fetch import nclt
+from fdslam.fetch import models, nclt
+from fdslam.fetch.registry import MODELS
 
 
 @dataclass(frozen=True)
@@ -21,4 +23,7 @@ class Fetcher:
     fetch: Callable[[argparse.Namespace], None]  # raises InputError in one line, with the way out
 
 
-FETCHERS: dict[str, Fetcher] = {"nclt": Fetcher(nclt.SUMMARY, nclt.arguments, nclt.fetch)}
+FETCHERS: dict[str, Fetcher] = {
+    "nclt": Fetcher(nclt.SUMMARY, nclt.arguments, nclt.fetch),
+    **{name: Fetcher(one.summary, models.arguments, partial(models.fetch, name)) for name, one in MODELS.items()},
+}

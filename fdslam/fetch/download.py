@@ -1,7 +1,7 @@
 """Download of large files over HTTP: resumed where it broke off, tried again, checked by length.
 
 A file that is not complete yet has the suffix ``.partial``; under its own name it is complete. Written on urllib, which
-goes through the proxies that the environment names: neither pooch nor requests resumes a broken download.
+goes through the proxies that the environment names: neither pooch nor requests resumes a broken download by itself.
 """
 
 from __future__ import annotations

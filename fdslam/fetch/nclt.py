@@ -6,13 +6,13 @@ import argparse
 import json
 import re
 import shlex
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from fdslam.data.nclt.sessions import SEASONS, session_date
 from fdslam.errors import InputError
 from fdslam.fetch.archive import extract
+from fdslam.fetch.consent import confirm
 from fdslam.fetch.download import Remote, Unreachable, arrived, check_room, download, probe
 from fdslam.fetch.meter import readable, say
 from fdslam.store import write_atomically
@@ -88,7 +88,8 @@ def fetch(options: argparse.Namespace) -> None:
         return
     remotes = {item.path: _probe(item, options) for item in todo}
     _show(todo, remotes, options)
-    _confirm(options.yes)
+    refusal = "the licence was not accepted; answer yes, or give --yes"
+    confirm("Accept the licence and go on?", options.yes, refusal)
     for item in todo:
         _bring(item, remotes[item.path], options)
     say(f"done; run with dataset=nclt dataset.root={shlex.quote(str(options.to))} dataset.camera={options.camera}")
@@ -141,18 +142,6 @@ def _show(todo: list[Item], remotes: dict[str, Remote | None], options: argparse
     say(f"to {options.to}: {readable(rest)} to download; {options.camera} is unpacked, the archives {archives}")
     say(f"{NO_CHECKSUM}\n{LICENCE}")
     check_room(options.to, peak)
-
-
-def _confirm(yes: bool) -> None:
-    if yes:
-        return
-    refused = InputError("the licence was not accepted; answer yes, or give --yes")
-    if not sys.stdin.isatty():
-        raise refused
-    sys.stderr.write("Accept the licence and go on? Type yes: ")
-    sys.stderr.flush()
-    if sys.stdin.readline().strip().lower() != "yes":
-        raise refused
 
 
 def _bring(item: Item, remote: Remote | None, options: argparse.Namespace) -> None:
