@@ -73,10 +73,9 @@ def check_surroundings(config: Config) -> None:
     """
     from fdslam.data import check_dataset
     from fdslam.mask import segmentation
-    from fdslam.obb import Library
+    from fdslam.obb import Library, parse_library
 
-    Library(config.obb, config.device)
-    segmentation(config.mask, config.device)
+    parse_library(config.obb.library)
     check_dataset(config.dataset)
     if config.mask.source == "labels" and config.dataset.kind in ("nclt", "pairs"):
         raise InputError(
@@ -90,6 +89,8 @@ def check_surroundings(config: Config) -> None:
         count = torch.cuda.device_count() if torch.cuda.is_available() else 0
         if int(config.device.partition(":")[2] or 0) >= count:
             raise InputError(f"device={config.device}: torch finds {count} CUDA devices here; run with device=cpu")
+    Library(config.obb, config.device)
+    segmentation(config.mask, config.device)
     store = Path(config.store)
     try:
         store.mkdir(parents=True, exist_ok=True)

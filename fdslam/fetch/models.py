@@ -162,7 +162,7 @@ def _accept(file: Path, target: Path, expected: str, published: Published, yes: 
 
 @contextmanager
 def _thrown_away(file: Path, target: Path) -> Iterator[None]:
-    """Remove what has arrived and cannot be right, so that the next try fetches it anew; what a user put there stays."""
+    """Remove what has arrived and cannot be right, so that it is fetched anew; what a user put there stays."""
     try:
         yield
     except InputError as error:
