@@ -43,7 +43,7 @@ def chosen_classes(wanted: Sequence[str], names: Sequence[str], count: int) -> t
                 f"obb.yolo.classes={one}: this model does not name its classes; give numbers from 0 to {count - 1}"
             )
         else:
-            near = difflib.get_close_matches(one, names, n=3) or names[:8]
+            near = difflib.get_close_matches(one, names, n=3, cutoff=0.75) or names[:8]
             raise InputError(
                 f"obb.yolo.classes={one}: the model has no such class; near: {', '.join(near)}, "
                 f"or a number from 0 to {count - 1}"
