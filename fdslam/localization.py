@@ -110,4 +110,4 @@ def localize(
     levels = verified(levels, query, inside, map_features, config.verify_top, config.verify_inliers)
     ranks = ranks_of(levels, config.unretrieved)
     source = tuple(name for name, kept in zip(boxes.source, speaks, strict=True) if kept)
-    return Localization(replace(boxes, xyxy=boxes.xyxy[speaks], source=source), ranks, strong_list(ranks), boxes.xyxy)
+    return Localization(replace(boxes, xyxy=boxes.xyxy[speaks], source=source), ranks, strong_list(ranks), boxes)

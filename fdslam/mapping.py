@@ -173,13 +173,11 @@ class BowMap:
         query = self.features.load(frame)
         found = localize(self.bag, boxes, query, self.words(frame), self.config, self._map_features)
         compact = np.uint16 if len(self.frames) < 1 << 16 else np.int32
-        source = "+".join(found.boxes.source).encode()
         return {
-            "boxes": found.boxes.xyxy,
-            "source": np.frombuffer(source, np.uint8),
+            **_packed("boxes", found.boxes),
+            **_packed("library", found.library),
             "ranks": found.ranks.astype(compact),
             "strong": found.strong,
-            "library": found.library,
         }
 
     def _map_features(self, image: int) -> Features:
@@ -187,6 +185,14 @@ class BowMap:
 
     def _load(self, key: Key, frame: Frame) -> Localization:
         arrays = load(self.store, LOCALIZATION, key, partial(self._localize, frame))
-        names = arrays["source"].tobytes().decode()
-        boxes = Boxes(arrays["boxes"], tuple(names.split("+")) if names else ())
-        return Localization(boxes, arrays["ranks"], arrays["strong"], arrays["library"])
+        boxes, library = _unpacked("boxes", arrays), _unpacked("library", arrays)
+        return Localization(boxes, arrays["ranks"], arrays["strong"], library)
+
+
+def _packed(name: str, boxes: Boxes) -> Arrays:
+    return {name: boxes.xyxy, f"{name}_source": np.frombuffer("+".join(boxes.source).encode(), np.uint8)}
+
+
+def _unpacked(name: str, arrays: Arrays) -> Boxes:
+    source = arrays[f"{name}_source"].tobytes().decode()
+    return Boxes(arrays[name], tuple(source.split("+")) if source else ())

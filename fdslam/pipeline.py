@@ -20,12 +20,12 @@ from fdslam.fusion import fuse
 from fdslam.mapping import BowMap
 from fdslam.mask import apply_masks, load_masks, segmentation
 from fdslam.metrics import Figure, Leader, Row, Scene, evaluate, leaders, proportion
-from fdslam.obb import Library
+from fdslam.obb import Library, parse_library
 from fdslam.progress import progress, single_threaded
 from fdslam.provenance import Stopwatch
 from fdslam.sessions import identities, joined
 from fdslam.store import Key, Store
-from fdslam.types import Dataset, Localization
+from fdslam.types import Boxes, Dataset, Localization
 
 if TYPE_CHECKING:
     from fdslam.segmentation import Segmentation
@@ -91,7 +91,7 @@ class _Fused(Mapping[str, Maps]):
         self._masks = None if located[0].masks is None else [mask for one in located for mask in one.masks or ()]
         self._names = identities([one.dataset for one in located])
         self._frames = [frame for one in located for frame in one.dataset.query]
-        self._obbs = [found.library for one in located for found in one.localizations]
+        self._obbs = [_objects(found.library, config.obb.library) for one in located for found in one.localizations]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._methods)
@@ -109,7 +109,7 @@ class _Fused(Mapping[str, Maps]):
         heights, widths = [frame.height for frame in self._frames], [frame.width for frame in self._frames]
         if name in CONTROLS:
             return list(control(name, self._names, heights, widths, self._seed))
-        if name == "objectness":  # the OBBs of the library: with fixed templates alone that is a fixed map
+        if name == "objectness":
             return [objectness(obbs, h, w) for obbs, h, w in zip(self._obbs, heights, widths, strict=True)]
         raise KeyError(name)
 
@@ -221,6 +221,16 @@ def _hypotheses(config: Config, located: _Located) -> tuple[NDArray[np.int64], .
         return tuple(one.strong[: config.evaluation.Y].astype(np.int64) for one in located.localizations)
     assert located.dataset.relevant is not None  # by _check_truth
     return tuple(places[: config.evaluation.Y] for places in located.dataset.relevant)
+
+
+def _objects(boxes: Boxes, library: str) -> NDArray[np.float32]:
+    """Return the boxes that objectness counts: YOLO's or, where the library does without, all OBBs.
+
+    An image where YOLO finds nothing has none; with fixed templates alone objectness is a fixed map.
+    """
+    if "YOLO" not in parse_library(library):
+        return boxes.xyxy
+    return boxes.xyxy[np.array([source == "YOLO" for source in boxes.source], bool)]
 
 
 def _evaluate(

@@ -77,7 +77,7 @@ class Localization:
     boxes: Boxes  # the J OBBs that hold enough keypoints to say anything
     ranks: NDArray[np.integer]  # [J, M] r_j(m): rank of every map image in every weak list, 1 = best
     strong: NDArray[np.int32]  # [M] map ids by falling relevance: the strong list
-    library: NDArray[np.float32]  # [B, 4] xyxy of all OBBs of the library, those included that say nothing
+    library: Boxes  # all OBBs of the library, those included that say nothing
 
     @property
     def lost(self) -> bool:

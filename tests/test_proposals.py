@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fdslam.config import Bow, Folder, Obb, Yolo
+from fdslam.config import Bow, Config, Evaluation, Folder, Mix, Obb, Yolo
 from fdslam.data.folder import read_folder
 from fdslam.data.images import read_image
 from fdslam.mapping import BowMap
 from fdslam.obb import Library
+from fdslam.pipeline import run
 from fdslam.proposals import Proposals
+from fdslam.provenance import Stopwatch
 from fdslam.store import Store
 from tests.data.worlds import small_world
 from tests.onnx_models import colour_finder
@@ -89,5 +91,25 @@ def test_an_image_where_nothing_is_found_says_nothing(world, weights, tmp_path):
     _, found = localized(world, Library(Obb("YOLO", Yolo(weights=weights, score=1.0))), Store(tmp_path / "s"))
     for one in found:
         assert one.lost or len(one.ranks) == 0
-        assert one.boxes.xyxy.shape == one.library.shape == (0, 4)
+        assert one.boxes.xyxy.shape == one.library.xyxy.shape == (0, 4)
         assert one.strong.tolist() == list(range(len(world.map)))
+
+
+def test_objectness_counts_what_the_detector_finds_beside_templates(world, weights, tmp_path):
+    def maps(library, **changes):
+        config = Config(
+            store=str(tmp_path / "s"),
+            dataset=Folder(root=str(tmp_path / "world")),
+            bow=BOW,
+            obb=Obb(library, Yolo(weights=weights, **changes)),
+            mix=Mix(rows=["FD"]),
+            evaluation=Evaluation(bootstrap=10),
+        )
+        return run(config, Stopwatch()).maps
+
+    alone, beside = maps("YOLO", score=0.4), maps("J+YOLO", score=0.4)
+    assert any(cells.any() for cells in alone["objectness"])
+    assert all(np.array_equal(*pair) for pair in zip(alone["objectness"], beside["objectness"], strict=True))
+    assert not any(cells.any() for cells in maps("J+YOLO", score=1.0)["objectness"])
+    assert all(cells.any() for cells in maps("J", score=1.0)["objectness"])
+    assert not any(np.array_equal(*pair) for pair in zip(alone["FD"], beside["FD"], strict=True))
