@@ -77,6 +77,14 @@ def test_coarse_logits_are_brought_to_the_image_s_size(size, tmp_path):
     assert np.array_equal(slow(logits[0], labels_of(CITYSCAPES_19), (16, 16)), winner)
 
 
+def test_coarse_numbers_are_brought_there_by_the_nearest(tmp_path):
+    """Between sky (0) and object (4) lies no ground: numbers are names and cannot be mixed."""
+    model = Segmentation(asked(painter(tmp_path / "m.onnx", 5, kind="numbers", factor=8), label_map="campus"))
+    grid = np.indices((8, 8)).sum(axis=0) % 2 * 4
+    found = model.labels(shades(5, grid))
+    assert np.array_equal(found, np.kron(grid, np.ones((8, 8), int)))
+
+
 def test_names_say_what_the_classes_are(tmp_path):
     names = ["Object", "Ground", "Sky"]
     path = painter(tmp_path / "m.onnx", 3, metadata={"names": str(names)})

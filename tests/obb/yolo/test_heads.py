@@ -6,12 +6,12 @@ import pytest
 from fdslam.obb.yolo.heads import STRIDES, UnknownHead, grid, recognise
 from tests.onnx_models import cells
 
-SIDE = 96
+HEIGHT, WIDTH = 96, 128
 RNG = np.random.default_rng(0)
 
 
 def raw(n=None, classes=3):
-    n = n or cells(SIDE, SIDE)
+    n = n or cells(HEIGHT, WIDTH)
     return np.concatenate(
         [RNG.normal(0, 1, (n, 2)), RNG.normal(1, 0.5, (n, 2)), RNG.uniform(0, 1, (n, 1 + classes))], axis=1
     ).astype(np.float32)[None]
@@ -19,7 +19,7 @@ def raw(n=None, classes=3):
 
 def decoded(n, classes=3):
     found = RNG.uniform(0, 1, (n, 5 + classes))
-    found[:, :4] *= SIDE
+    found[:, :4] *= HEIGHT
     return found.astype(np.float32)[None]
 
 
@@ -51,13 +51,13 @@ def loop(head, output, least):
     ("output", "layout"),
     [
         (raw(), "yolox"),
-        (decoded(3 * cells(SIDE, SIDE)), "yolov5"),
-        (decoded(cells(SIDE, SIDE)), "yolov5"),  # YOLOX exported with its decoding
-        (columns(cells(SIDE, SIDE)), "yolov8"),
+        (decoded(3 * cells(HEIGHT, WIDTH)), "yolov5"),
+        (decoded(cells(HEIGHT, WIDTH)), "yolov5"),  # YOLOX exported with its decoding
+        (columns(cells(HEIGHT, WIDTH)), "yolov8"),
     ],
 )
 def test_recognised_by_its_shape_and_decoded_as_the_loop_does(output, layout):
-    head = recognise([output], SIDE, SIDE, "")
+    head = recognise([output], HEIGHT, WIDTH, "")
     assert (head.layout, head.classes) == (layout, 3)
     found = head.decode(output, 0.4)
     slow = loop(head, output, 0.4)
@@ -65,7 +65,7 @@ def test_recognised_by_its_shape_and_decoded_as_the_loop_does(output, layout):
     assert np.allclose(found.xyxy, [row[:4] for row in slow], rtol=1e-5, atol=1e-4)
     assert np.allclose(found.score, [row[4] for row in slow], atol=1e-6)
     assert found.label.tolist() == [row[5] for row in slow]
-    assert recognise([output], SIDE, SIDE, layout) == head  # told, it is the same
+    assert recognise([output], HEIGHT, WIDTH, layout) == head  # told, it is the same
 
 
 @pytest.mark.parametrize("strides", STRIDES)
@@ -77,28 +77,28 @@ def test_other_strides_are_recognised_too(strides):
 
 
 def test_strides_that_only_the_model_knows():
-    output = raw(cells(SIDE, SIDE, (4, 8)))
-    with pytest.raises(UnknownHead, match=r"\[1, 720, 8\]"):
-        recognise([output], SIDE, SIDE, "")
-    assert recognise([output], SIDE, SIDE, "", strides=(4, 8)).strides == (4, 8)
-    assert recognise([output], SIDE, SIDE, "yolox", strides=(4, 8)).layout == "yolox"
+    output = raw(cells(HEIGHT, WIDTH, (4, 8)))
+    with pytest.raises(UnknownHead, match=r"\[1, 960, 8\]"):
+        recognise([output], HEIGHT, WIDTH, "")
+    assert recognise([output], HEIGHT, WIDTH, "", strides=(4, 8)).strides == (4, 8)
+    assert recognise([output], HEIGHT, WIDTH, "yolox", strides=(4, 8)).layout == "yolox"
 
 
 def test_any_number_of_candidates_where_the_layout_is_told():
-    assert recognise([decoded(50)], SIDE, SIDE, "yolov5").classes == 3
-    assert recognise([columns(50)], SIDE, SIDE, "yolov8").classes == 3
+    assert recognise([decoded(50)], HEIGHT, WIDTH, "yolov5").classes == 3
+    assert recognise([columns(50)], HEIGHT, WIDTH, "yolov8").classes == 3
 
 
 def test_raw_heads_beside_the_decoded_rows_do_not_matter():
-    heads = [np.zeros((1, 3, SIDE // s, SIDE // s, 8), np.float32) for s in (8, 16, 32)]
-    output = decoded(3 * cells(SIDE, SIDE))
-    assert recognise([*heads, output], SIDE, SIDE, "").output == 3
+    heads = [np.zeros((1, 3, HEIGHT // s, WIDTH // s, 8), np.float32) for s in (8, 16, 32)]
+    output = decoded(3 * cells(HEIGHT, WIDTH))
+    assert recognise([*heads, output], HEIGHT, WIDTH, "").output == 3
 
 
 def test_an_enormous_size_is_still_a_number():
     output = raw()
     output[0, :, 2:4] = 1000
-    assert np.isfinite(recognise([output], SIDE, SIDE, "").decode(output, 0.0).xyxy).all()
+    assert np.isfinite(recognise([output], HEIGHT, WIDTH, "").decode(output, 0.0).xyxy).all()
 
 
 def with_value(output, where, value):
@@ -110,29 +110,29 @@ def with_value(output, where, value):
 @pytest.mark.parametrize(
     ("outputs", "layout", "said"),
     [
-        ([decoded(77)], "", r"\[1, 77, 8\]; expected \[1, n, 5 \+ classes\] of YOLOX \(n = 189 at 96×96\)"),
+        ([decoded(77)], "", r"\[1, 77, 8\]; expected \[1, n, 5 \+ classes\] of YOLOX \(n = 252 at 96×128\)"),
         ([decoded(77)], "", "tell which it is with obb.yolo.layout"),
         ([decoded(300, 1)], "", "boxes after suppression are not read: export it without"),
-        ([raw()[0]], "", r"outputs are \[189, 8\]"),
-        ([np.concatenate([raw(), raw()])], "", r"\[2, 189, 8\]"),
-        ([raw(), raw()], "", r"\[1, 189, 8\], \[1, 189, 8\]"),
-        ([columns(189), np.zeros((1, 32, 24, 24))], "", r"\[1, 32, 24, 24\]"),  # segmentation
+        ([raw()[0]], "", r"outputs are \[252, 8\]"),
+        ([np.concatenate([raw(), raw()])], "", r"\[2, 252, 8\]"),
+        ([raw(), raw()], "", r"\[1, 252, 8\], \[1, 252, 8\]"),
+        ([columns(252), np.zeros((1, 32, 24, 24))], "", r"\[1, 32, 24, 24\]"),  # segmentation
         ([raw()[..., :5]], "", "has 0 classes"),
         ([raw(50)], "yolox", "no cell for each candidate of a raw YOLOX head"),
         ([with_value(raw(), (0, 3, 6), 4.5)], "", "scores reach from .* to 4.5.* export it with its sigmoid"),
-        ([with_value(columns(189), (0, 5, 7), -3)], "", "scores reach from -3 to"),
+        ([with_value(columns(252), (0, 5, 7), -3)], "", "scores reach from -3 to"),
         ([with_value(raw(), (0, 3, 6), np.nan)], "", "not finite"),
         ([raw()], "yolov5", "centres reach to .* pixels of the input were expected"),
-        ([decoded(189)], "yolox", "centres reach to .* raw offsets were expected"),
-        ([columns(189) / SIDE], "", "centres reach to"),  # normalised
+        ([decoded(252)], "yolox", "centres reach to .* raw offsets were expected"),
+        ([columns(252) / WIDTH], "", "centres reach to"),  # normalised
     ],
 )
 def test_what_is_not_understood_is_said(outputs, layout, said):
     with pytest.raises(UnknownHead, match=said):
-        recognise(outputs, SIDE, SIDE, layout)
+        recognise(outputs, HEIGHT, WIDTH, layout)
 
 
 def test_another_number_of_names_is_another_head():
-    assert recognise([raw()], SIDE, SIDE, "", names=3).classes == 3
+    assert recognise([raw()], HEIGHT, WIDTH, "", names=3).classes == 3
     with pytest.raises(UnknownHead, match="has 3 classes, and the model names 4"):
-        recognise([raw()], SIDE, SIDE, "", names=4)
+        recognise([raw()], HEIGHT, WIDTH, "", names=4)

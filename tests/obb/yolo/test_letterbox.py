@@ -32,14 +32,23 @@ def test_every_pixel_is_where_the_loop_puts_it(size, placement):
 def test_sizes_are_the_published_ones_but_for_the_rounding_of_floats(placement, height, width, canvas):
     ours = placed(letterbox(height, width, *canvas, placement))
     theirs = reference.sizes(height, width, *canvas, placement)
-    scaled = [min(canvas[0] / height, canvas[1] / width) * side for side in (height, width)]
-    # Where a size is whole (or, for the centre, half) to within rounding, floats may fall on the other side of it.
-    unit = 1 if placement == "corner" else 2
-    critical = any(abs(unit * s - round(unit * s)) < 1e-6 for s in scaled)
-    assert ours == theirs or critical
-    assert max(abs(a - b) for a, b in zip(ours, theirs, strict=True)) <= 1
-    # The side that decides fills the canvas to the last pixel, which int(height * ratio) may miss.
-    assert ours[0] == canvas[0] or ours[1] == canvas[1]
+    ratio = min(canvas[0] / height, canvas[1] / width)
+    for axis, side in enumerate((height, width)):
+        if (
+            canvas[axis] / side == ratio
+        ):  # it decides, and fills the canvas, which int(side * ratio) may miss by a pixel
+            assert (ours[axis], ours[axis + 2]) == (canvas[axis], 0)
+            continue
+        # Where its size is whole (or half, for the centre) to within rounding, floats may fall on the other side.
+        unit = 1 if placement == "corner" else 2
+        if abs(unit * ratio * side - round(unit * ratio * side)) > 1e-6:
+            assert (ours[axis], ours[axis + 2]) == (max(1, theirs[axis]), theirs[axis + 2])
+
+
+def test_sizes_by_hand():
+    assert placed(letterbox(361, 480, 416, 416, "corner")) == (312, 416, 0, 0)  # 312.87
+    assert placed(letterbox(361, 480, 416, 416, "centre")) == (313, 416, 51, 0)  # 103 rows of grey: 51 above
+    assert placed(letterbox(480, 361, 416, 416, "centre")) == (416, 313, 0, 51)
 
 
 @pytest.mark.parametrize("placement", ["corner", "centre"])
