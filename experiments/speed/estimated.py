@@ -1,7 +1,7 @@
 """How far a run was from its estimate: python -m experiments.speed.estimated FOLDER…, the folders of runs.
 
-A run that found things stored is held against an estimate without them. Times mean something only where nothing else ran
-on the machine.
+A run that found things stored is held against an estimate without them. Times mean something only where nothing else
+ran on the machine.
 """
 
 from __future__ import annotations
