@@ -56,7 +56,7 @@ def score_map(gradient: Gradient, beta: NDArray[np.float64], signs: NDArray[np.u
         return scores
     every, mine, other = (np.zeros((height, width), np.int64) for _ in range(3))
     for k in range(4):
-        window = _windows((gradient >> (4 + k)) & 1)
+        window = _windows((gradient >> np.uint8(4 + k)) & np.uint8(1))
         every += np.bitwise_count(window).astype(np.int64) << k
         mine += np.bitwise_count(window & signs[0]).astype(np.int64) << k
         other += np.bitwise_count(window & signs[1]).astype(np.int64) << k

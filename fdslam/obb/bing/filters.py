@@ -7,6 +7,7 @@ read by published.py.
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -25,7 +26,7 @@ from fdslam.store import write_atomically
 LENGTHS = (16, 32, 64, 128, 256, 512)  # pixels
 SIZES = tuple(product(LENGTHS, LENGTHS))  # (height, width) of the windows, in the order of the published indices
 SUFFIX = ".safetensors"
-_KIND = "fdslam bing 1"
+_KIND = "fdslam.bing"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +74,9 @@ def save_filters(path: Path, filters: Sequence[Filters]) -> None:
         for one in filters
         for name in ("first", "sizes", "second")
     }
-    spaces = "+".join(one.space for one in filters)
-    write_atomically(path, save(arrays, metadata={"kind": _KIND, "spaces": spaces, "sha256": digest(filters)}))
+    about = {"spaces": [one.space for one in filters], "sha256": digest(filters)}
+    # One entry: safetensors writes several in any order, and the same filters shall make the same file.
+    write_atomically(path, save(arrays, metadata={_KIND: json.dumps(about)}))
 
 
 def read_own(path: Path) -> tuple[Filters, ...]:
@@ -85,21 +87,26 @@ def read_own(path: Path) -> tuple[Filters, ...]:
     """
     try:
         with safe_open(path, framework="numpy") as file:
-            about = file.metadata() or {}
+            kept = (file.metadata() or {}).get(_KIND)
             arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
     except FileNotFoundError:
         raise InputError(f"{path}: no such file of BING filters; check the path") from None
     except (OSError, SafetensorError) as error:
         raise InputError(f"{path}: cannot be read as safetensors ({error}); copy or train the filters again") from None
-    if about.get("kind") != _KIND:
-        raise InputError(f"{path}: a safetensors file, but not of BING filters; train some with experiments/train/bing.py")
+    if kept is None:
+        raise InputError(
+            f"{path}: a safetensors file, but not of BING filters; train some with experiments/train/bing.py"
+        )
     try:
+        about = json.loads(kept)
         filters = tuple(
             Filters(space, *(arrays[f"{space}.{name}"] for name in ("first", "sizes", "second")))
-            for space in about["spaces"].split("+")
+            for space in about["spaces"]
         )
-    except (KeyError, InputError) as error:
-        raise InputError(f"{path}: lacks a part or holds a wrong one ({error}); copy or train the filters again") from None
+    except (KeyError, TypeError, ValueError, InputError) as error:
+        raise InputError(
+            f"{path}: lacks a part or holds a wrong one ({error}); copy or train the filters again"
+        ) from None
     if digest(filters) != about.get("sha256"):
         raise InputError(f"{path}: damaged, its checksum is wrong; copy or train the filters again")
     return filters

@@ -58,7 +58,7 @@ def _summed(planes: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
 
 
 def _normed(image: NDArray[np.uint8], along: Callable[[list[NDArray[np.uint8]]], NDArray[np.uint8]]) -> Gradient:
-    planes = list(cv2.split(image))
+    planes = [np.asarray(plane, np.uint8) for plane in cv2.split(image)]
     rows = along(planes)
     columns = along([np.ascontiguousarray(plane.T) for plane in planes])
     return np.asarray(cv2.add(rows, np.ascontiguousarray(columns.T)), np.uint8)  # saturates

@@ -2,8 +2,8 @@
 
 For each size (h, w) the image is resized so that such a window has 8 × 8 pixels, stage I scores every place, the best
 130 that are no neighbours of a better one go on, and stage II turns their scores into o = s · v + t, by which the
-windows of all sizes (and of all colour spaces, if several are used) are ranked together. A window's box is where its 8 × 8 pixels came
-from. Source: Cheng et al., CVPR 2014.
+windows of all sizes (and of all colour spaces, if several are used) are ranked together. A window's box is where its
+8 × 8 pixels came from. Source: Cheng et al., CVPR 2014.
 """
 
 from __future__ import annotations
