@@ -20,6 +20,7 @@ lint: $(STAMP)
 bench: $(STAMP)
 	$(BIN)/python -m experiments.speed.stages
 	$(BIN)/python -m experiments.speed.localization --small
+	$(BIN)/python -m experiments.speed.bing
 
 setup: $(STAMP)
 

@@ -22,6 +22,7 @@ from fdslam.progress import single_threaded
 from fdslam.run import USAGE_ERROR
 
 SEEDS, UNSEEN = range(1000, 1012), range(2000, 2004)  # campuses; 4 is the one of the tests and of the tables
+DEFAULT = ("hsv",)  # colour spaces
 IMAGES = 48  # views of each, a quarter of them in each session
 
 
@@ -48,7 +49,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="a data set, as for fdslam.run")
     parser.add_argument("--out", type=Path, default=OWN, help="the filters; default: those of the package")
-    parser.add_argument("--spaces", nargs="+", choices=tuple(SPACES), default=["maxbgr"], help="colour spaces")
+    parser.add_argument("--space", action="append", choices=tuple(SPACES), help="colour space, again for several")
     parser.add_argument("--seed", type=int, default=Training().seed, help="of the windows that are drawn")
     parser.add_argument("--campuses", type=int, default=len(SEEDS), help="how many, of the embedded world")
     parser.add_argument("--images", type=int, default=IMAGES, help="views of each")
@@ -63,7 +64,7 @@ def main() -> None:
         scenes = list(campus_scenes(SEEDS[: given.campuses], given.images, given.workers))
         unseen = list(campus_scenes(UNSEEN, given.images, given.workers))
     settings = Training(seed=given.seed)
-    filters = tuple(train(scenes, space, settings, given.workers) for space in given.spaces)
+    filters = tuple(train(scenes, space, settings, given.workers) for space in given.space or DEFAULT)
     save_filters(given.out, filters)
     objects = sum(len(scene.objects) for scene in scenes)
     print(f"{settings}\ntrained on {objects} objects in {len(scenes)} images, {time.perf_counter() - begin:.0f} s")

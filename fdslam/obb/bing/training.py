@@ -46,7 +46,7 @@ class Training:
     """What the training can be told."""
 
     beside: int = 20  # random windows of every size in every image, less those that fall on an object
-    least: int = 10  # windows on objects that a size needs, in stage I and in stage II, to become active
+    least: int = 5  # windows on objects that a size needs, in stage I and in stage II, to become active
     first_c: float = 0.01  # C of stage I, on gradients as shares of 255: larger fits closer
     second_c: float = 10.0  # C of stage II, on scores of mean 0 and variance 1
     seed: int = 0
