@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from fdslam.errors import InputError
 from fdslam.obb.bing import digest, proposals
 from fdslam.obb.bing.filters import SIZES
-from fdslam.obb.bing.training import Scene, Training, fit_second, judged, train, windows
+from fdslam.obb.bing.training import Scene, Training, Windows, fit_first, fit_second, judged, train, windows
 from fdslam.obb.overlap import NEVER, first_found, iou
 from tests.reference import bing as reference
 
@@ -96,6 +96,20 @@ def test_what_is_ignored_is_neither_right_nor_wrong():
     assert not any(row[1].any() for row in hidden + unknown)
     assert sum(len(row[0]) for row in hidden) == sum(len(row[0]) for row in known) - on
     assert sum(len(row[0]) for row in unknown) == sum(len(row[0]) for row in known)
+
+
+def test_stage_one_does_not_learn_which_sizes_are_frequent():
+    """Bright windows of one size, nearly all on objects, and dark ones of another: inside a size nothing to tell."""
+    rng = np.random.default_rng(0)
+    sizes = np.repeat([0, 7], 2000)
+    on = rng.uniform(0, 1, 4000) < np.where(sizes == 0, 0.9, 0.1)
+    bright = np.where(sizes == 0, 150, 50)[:, None, None] + rng.integers(-40, 40, (4000, 8, 8))
+    first, active = fit_first(Windows(bright.astype(np.uint8), sizes, on), Training())
+    assert active.tolist() == [0, 7]
+    assert abs(first.sum()) * 100 < 0.3  # what 100 levels of brightness change, where classes are ±1
+    known = np.array(rng.uniform(0, 1, 4000) < 0.5)
+    told, _ = fit_first(Windows((bright + 60 * known[:, None, None]).astype(np.uint8), sizes, known), Training())
+    assert told.sum() * 100 > 0.6
 
 
 def test_stage_two_estimates_the_chance_that_a_window_is_on_an_object():
