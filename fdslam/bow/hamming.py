@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.native import NATIVE
+from fdslam.native import NATIVE
 
 GROUP = 8  # descriptors in a group
 NONE = np.uint64(0xFFFFFFFFFFFFFFFF)  # the key of nothing

@@ -17,7 +17,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic as _intrinsic
 
-from fdslam.bow.native import njit
+from fdslam.native import njit
 
 intrinsic: Any = _intrinsic  # inside a kernel the first argument, the typing context, is not given
 _I32, _I64 = ir.IntType(32), ir.IntType(64)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fdslam.bow import hamming
 from fdslam.bow.hamming import GROUP, NONE, Keys
-from fdslam.bow.native import NATIVE
+from fdslam.native import NATIVE
 
 if NATIVE:
     from fdslam.bow.kernels import count_ones, nearest_pivots_kernel

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from fdslam.bow import hamming
 from fdslam.bow.hamming import GROUP, NONE, Keys
-from fdslam.bow.native import NATIVE, njit, say_what_is_slow
 from fdslam.bow.pivots import Pivots
+from fdslam.native import NATIVE, njit, say_what_is_slow
 
 if NATIVE:
     from fdslam.bow.kernels import search_lists

@@ -50,7 +50,9 @@ class Bing(Checked):
 
     group: ClassVar[str | None] = "obb.bing"
 
-    filters: str = option("", "folder of trained filters; empty: the shipped ones")
+    filters: str = option(
+        "", "a file of ours, or the folder or common beginning of published ones; empty: those shipped"
+    )
     count: int = option(50, "OBBs of an image, the best by score", low=1, high=5000)
 
 

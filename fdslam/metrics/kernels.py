@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.native import NATIVE, njit
+from fdslam.native import NATIVE, njit
 
 BUCKETS = 4096  # of the ranks; most hold none of a box's cells, and need no search
 

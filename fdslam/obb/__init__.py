@@ -31,8 +31,15 @@ def _yolo(config: Obb, device: str) -> Source:
     return Yolo(config.yolo, device)
 
 
+def _bing(config: Obb, device: str) -> Source:
+    from fdslam.obb.bing.source import Bing  # its kernels take a while to load
+
+    return Bing(config.bing)
+
+
 SOURCES: dict[str, Callable[[Obb, str], Source]] = {  # name -> makes it from the settings and the device
     **{name: partial(_template, name) for name in TEMPLATES},
+    "BING": _bing,
     "YOLO": _yolo,
 }
 

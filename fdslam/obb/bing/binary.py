@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.native import NATIVE
+from fdslam.native import NATIVE
 from fdslam.obb.bing.gradient import Gradient
 
 SIDE = 8  # of a window, pixels of the resized image

@@ -11,7 +11,7 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic as _intrinsic
 
-from fdslam.bow.native import njit
+from fdslam.native import njit
 
 intrinsic: Any = _intrinsic  # inside a kernel the first argument, the typing context, is not given
 

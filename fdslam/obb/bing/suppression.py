@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.native import njit
+from fdslam.native import njit
 from fdslam.obb.bing.binary import Scores
 
 
