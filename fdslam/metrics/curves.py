@@ -37,9 +37,12 @@ def thresholds(falling: NDArray[np.floating], positive: NDArray[np.bool_]) -> Cu
         positive: [N] whether the cell is changed, in the same order.
     """
     changed = np.flatnonzero(positive)
-    borders = np.concatenate([[0], np.flatnonzero(falling[1:] != falling[:-1]) + 1, [len(falling)]])
-    groups = np.unique(np.searchsorted(borders, changed, "right")) if len(changed) else np.zeros(0, np.int64)
-    above, selected = borders[groups - 1], borders[groups]
+    borders = np.flatnonzero(falling[1:] != falling[:-1])  # the last of every group but the lowest: there may be 1e8
+    groups = np.unique(np.searchsorted(borders, changed))
+    above, selected = np.zeros(len(groups), np.int64), np.full(len(groups), len(falling))
+    above[groups > 0] = borders[groups[groups > 0] - 1] + 1
+    inner = groups < len(borders)
+    selected[inner] = borders[groups[inner]] + 1
     return Curve(above, selected, np.searchsorted(changed, selected), len(falling))
 
 

@@ -54,7 +54,10 @@ def evaluate(name: str, loc: Sequence[NDArray[np.floating]], scene: Scene, confi
     """
     percents = sorted(set(config.X))
     values = scene.flatten(name, loc)
+    del loc  # of a large pool it is GBs
     ranking = accuracy.rank_cells(values, scene, seed)
+    falling = values[ranking.order]
+    del values
     weights = bootstrap.resample([scene.image_of(i) for i in scene.by_name], config.bootstrap, seed)
     measure = _by_iou if config.criterion == "iou" else _by_coverage
     found_pooled, found_within = measure(ranking, scene, config.found, weights, percents)
@@ -64,8 +67,7 @@ def evaluate(name: str, loc: Sequence[NDArray[np.floating]], scene: Scene, confi
     if config.criterion == "coverage":
         found_at = np.empty(len(grades))
         needed = accuracy.needed_positions(ranking.position, scene, config.found)
-        found_at[scene.objects.listed] = 100.0 * needed / max(len(values), 1)
-    falling = values[ranking.order]
+        found_at[scene.objects.listed] = 100.0 * needed / max(len(falling), 1)
     auroc, ap, f1_max = _curves(falling, ranking, scene, weights, config.confidence)
     return Row(
         method=name,
