@@ -11,8 +11,10 @@ import math
 import os
 import shutil
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -22,18 +24,23 @@ from fdslam.config import Config
 from fdslam.context import Context
 from fdslam.controls import CONTROLS
 from fdslam.data import Outline
-from fdslam.detectors import comparison
-from fdslam.detectors.anomaly import untrained
+from fdslam.detectors import anomaly, comparison, fault_diagnosis
 from fdslam.errors import InputError
-from fdslam.obb import Library, expected_boxes
+from fdslam.hypotheses import hypotheses
+from fdslam.mask import missing_masks
+from fdslam.obb import Library, expected_boxes, parse_library
 from fdslam.progress import readable, say, worker_count
-from fdslam.store import Store
+from fdslam.proposals import Proposals
+from fdslam.store import Key, Store
 from fdslam.types import Dataset, grid_shape
+
+if TYPE_CHECKING:
+    from fdslam.segmentation import Segmentation
 
 log = logging.getLogger(__name__)
 REFERENCE = 0.0073  # seconds of ``_task`` on the core whose rates these are
 LIBRARIES = 0.5e9  # bytes of the interpreter with all that it imports
-POOL = 60  # bytes a cell while a row is fused and measured, beside the LoC of the detectors
+POOL = 45  # bytes a cell while a row is fused and measured, beside the LoC of the detectors
 SIFTS, ORBS = 205e3, 75e3  # bytes of an image on disk: 1,500 SIFTs; 1,500 ORBs with their words and postings
 
 
@@ -41,13 +48,17 @@ SIFTS, ORBS = 205e3, 75e3  # bytes of an image on disk: 1,500 SIFTs; 1,500 ORBs 
 class Todo:
     """What is still to be done; what a run finds stored is left out."""
 
-    make: int  # images to render or to turn upright
-    features: int  # images without ORB features
-    learn: int  # map images that no map holds yet
-    localise: int  # queries
-    sift: int  # images without SIFTs; at most so many are compared
-    train: int  # map images of places without a trained AE
-    look: int  # queries that detectors have to look at
+    make: int = 0  # images to render or to turn upright
+    masks: int = 0  # queries that the model of the mask looks at
+    boxes: int = 0  # looks at images by BING and YOLO
+    features: int = 0  # images without ORB features
+    learn: int = 0  # map images that no map holds yet
+    localise: int = 0  # queries
+    sift: int = 0  # images without SIFTs; at most so many are compared
+    train: int = 0  # map images of places without a trained AE
+    fd: int = 0  # queries that FD looks at, once for each Y
+    pc: int = 0  # likewise PC
+    ad: int = 0  # likewise AD
 
 
 @dataclass(frozen=True)
@@ -83,8 +94,8 @@ class Estimate:
         """Bytes at most."""
         return max(line.memory for line in self.lines)
 
-    def text(self) -> str:
-        """Return the table for people."""
+    def text(self, stored: bool) -> str:
+        """Return the table for people; ``stored``: what is stored is left out."""
         total = Line("all", "", self.seconds, self.disk, self.memory)
         rows = [("stage", "to do", "time", "disk", "memory")]
         for one in (*self.lines, total):
@@ -96,37 +107,82 @@ class Estimate:
             for row in rows
         ]
         cores = "one core" if self.workers == 1 else f"{self.workers} cores"
-        return "\n".join([f"about, on {cores} with nothing else to do, less what is stored already:", *aligned])
+        less = "less what is stored already" if stored else "if nothing that follows is stored"
+        return "\n".join([f"about, on {cores} with nothing else to do, {less}:", *aligned])
 
 
-def everything(sizes: Outline) -> Todo:
+def everything(config: Config, sizes: Outline) -> Todo:
     """Return all there is to do where images are still to be made: what comes after them is not known yet."""
     queries, learned = sum(queries for queries, _ in sizes.pairs), sum(sizes.maps)
-    return Todo(sizes.missing, sizes.images, learned, queries, sizes.images, learned, queries)
+    costly = {"BING", "YOLO"} & {*parse_library(config.obb.library)}
+    times = len({*config.evaluation.curve_Y, config.evaluation.Y})
+    uses = config.mix.detectors
+    return Todo(
+        make=sizes.missing,
+        masks=queries if config.mask.source == "deeplabv3plus" else 0,
+        boxes=len(costly) * min(queries, sizes.images),
+        features=sizes.images,
+        learn=learned,
+        localise=queries,
+        sift=sizes.images if "PC" in uses else 0,
+        train=learned if "AD" in uses else 0,
+        fd=times * queries if "FD" in uses else 0,
+        pc=times * queries if "PC" in uses else 0,
+        ad=(1 if config.ad.hypotheses == "top1" else times) * queries if "AD" in uses else 0,
+    )
 
 
-def remaining(config: Config, datasets: Sequence[Dataset], library: Library, store: Store) -> Todo:
-    """Return what is not stored yet of a run on loaded data sets; files are looked for, hardly one is read."""
+def remaining(
+    config: Config, datasets: Sequence[Dataset], library: Library, model: Segmentation | None, store: Store
+) -> Todo:
+    """Return what is not stored yet of a run on loaded data sets; of what is stored hardly more than names is read.
+
+    Args:
+        config: of the run.
+        datasets: its pairs of sessions.
+        library: its sources of OBBs.
+        model: of its mask, if that needs one.
+        store: where results are looked for.
+    """
+    queries = {frame.digest: frame for one in datasets for frame in one.query}.values()
     frames = {frame.digest: frame for one in datasets for frame in (*one.map, *one.query)}.values()
     features = mapping.FeatureStore(config.bow, store, config.workers)
-    learn, train = dict[str, int](), dict[str, int]()
-    localise = look = 0
+    learn, train, sifts = dict[str, int](), dict[str, int](), set[Key]()
+    counts = Counter[str](boxes=Proposals(library, store, config.workers).missing([*queries]))
+    every_sift = {comparison.features_key(frame, config.pc) for frame in frames}
+    times, uses = sorted({*config.evaluation.curve_Y, config.evaluation.Y}), config.mix.detectors
     for one in datasets:
         bow = mapping.BowMap(one.map, config.bow, library, store, config.workers)
-        name = bow.keys[-1]
-        learn[name], lost = bow.missing(one.query)
-        train[name] = untrained(Context(config, one, store, (), (), ())) if "AD" in config.mix.detectors else 0
-        localise += lost
-        look += len(one.query) if lost or train[name] else 0
-    sift = store.lacks(comparison.FEATURES, (comparison.features_key(frame, config.pc) for frame in frames))
+        learn[bow.keys[-1]], lost = bow.missing(one.query)
+        context = Context(config, one, store, (), (), ())
+        train[bow.keys[-1]] = anomaly.untrained(context) if "AD" in uses else 0
+        counts.update(localise=lost, masks=missing_masks(one, model, store))
+        if lost:  # what they will be compared with is not known
+            sifts |= every_sift
+            counts.update(fd=len(times) * len(one.query), pc=len(times) * len(one.query), ad=len(one.query))
+            continue
+        keys, localizations = bow.localize(one.query)
+        for y in times:
+            evaluation = replace(config.evaluation, Y=y)
+            found = hypotheses(evaluation, one, localizations)
+            context = replace(context, localizations=tuple(localizations), localization_keys=tuple(keys))
+            context = replace(context, hypotheses=found)
+            compared, needed = comparison.missing(context) if "PC" in uses else (0, set())
+            sifts |= needed
+            counts.update(pc=compared, fd=fault_diagnosis.missing(context))
+            if "AD" in uses and (y == config.evaluation.Y or config.ad.hypotheses == "min"):
+                counts.update(ad=anomaly.missing(context))
     return Todo(
-        make=0,
+        masks=counts["masks"],
+        boxes=counts["boxes"],
         features=store.lacks(mapping.FEATURES, map(features.key, frames)),
         learn=sum(learn.values()),
-        localise=localise,
-        sift=sift if look else 0,
+        localise=counts["localise"],
+        sift=store.lacks(comparison.FEATURES, sifts) if "PC" in uses else 0,
         train=sum(train.values()),
-        look=look,
+        fd=counts["fd"] if "FD" in uses else 0,
+        pc=counts["pc"] if "PC" in uses else 0,
+        ad=counts["ad"] if "AD" in uses else 0,
     )
 
 
@@ -154,59 +210,66 @@ class _Plan:
         self.workers = worker_count(config.workers)
         self.pixels = sizes.height * sizes.width
         self.read = 0.003 + 0.028e-6 * self.pixels  # seconds of decoding an image
-        self.queries, self.longest = sum(q for q, _ in sizes.pairs), max(m for _, m in sizes.pairs)
+        # A pair without queries is refused by the loader, in better words than a division by 0.
+        self.queries, self.longest = max(1, sum(q for q, _ in sizes.pairs)), max(m for _, m in sizes.pairs)
         self.cells = self.queries * math.prod(grid_shape(sizes.height, sizes.width))
-        self.maps = 4.2 * self.cells * todo.look / self.queries  # bytes of a detector's results on disk
+        self.result = 4.2 * self.cells / self.queries  # bytes of a detector's result of a query on disk
         self.obbs = expected_boxes(config.obb)
         self.ranks = 2.0 * self.obbs * sum(q * m for q, m in sizes.pairs)  # bytes of the weak lists
         self.names = config.mix.detectors
-        self.kept = LIBRARIES + self.ranks + self.cells * sum(8 if name == "AD" else 4 for name in self.names)
+        sets = 2 if {*config.evaluation.curve_Y} - {config.evaluation.Y} else 1  # of LoC, at one Y and at another
+        loc = sets * self.cells * sum(8 if name == "AD" else 4 for name in self.names)
+        self.kept = LIBRARIES + self.ranks + loc
         self.detectors = {"FD": self.fault_diagnosis, "PC": self.comparison, "AD": self.anomaly}
 
     def data(self) -> Line:
         each = 0.013 + 0.48e-6 * self.pixels if self.config.dataset.kind == "campus" else self.read + 4e-8 * self.pixels
         memory = LIBRARIES + (self.workers * 90.0 * self.pixels if self.todo.make else 0)
-        seconds = self.todo.make * each / self.workers
-        return Line("data", f"{self.todo.make:,} images to make", seconds, self.todo.make * 2.0 * self.pixels, memory)
+        seconds = (self.todo.make * each + self.todo.masks * (self.read + 0.25)) / self.workers
+        masks = f", {self.todo.masks:,} masks" if self.todo.masks else ""
+        what = f"{self.todo.make:,} images to make{masks}"
+        return Line("data", what, seconds, self.todo.make * 2.0 * self.pixels, memory)
 
     def localisation(self) -> Line:
         todo, enlarged = self.todo, self._enlarged(self.config.bow.min_side)
         features = todo.features * (self.read + 0.0055 + 1.33e-8 * enlarged)
+        boxes = todo.boxes * (self.read + 0.02 + 3e-8 * self.pixels)
         asked = todo.localise * (self.read + 0.02 + 3e-7 * self.obbs * self.longest)
         lists = (self.ranks + 8.0 * self.queries * self.longest) * todo.localise / self.queries
         return Line(
             "map and localisation",
             f"{todo.learn:,} map images, {todo.localise:,} queries",
-            (features + asked) / self.workers + 0.02 * todo.learn,
+            (features + boxes + asked) / self.workers + 0.02 * todo.learn,
             ORBS * (todo.features + todo.learn) + lists,
             LIBRARIES + self.ranks + 0.13e6 * self.longest + self.workers * 40.0 * enlarged,
         )
 
     def fault_diagnosis(self) -> Line:
-        return Line("FD", f"{self.todo.look:,} queries", 0.006 * self.todo.look / self.workers, self.maps, self.kept)
+        count = self.todo.fd
+        return Line("FD", f"{count:,} queries", 0.006 * count / self.workers, count * self.result, self.kept)
 
     def comparison(self) -> Line:
         todo, enlarged = self.todo, self._enlarged(self.config.pc.min_side)
-        seconds = todo.sift * (self.read + 0.063 + 1.13e-7 * enlarged) + todo.look * 0.004 * self.config.evaluation.Y
+        seconds = todo.sift * (self.read + 0.063 + 1.13e-7 * enlarged) + todo.pc * 0.004 * self.config.evaluation.Y
         return Line(
             "PC",
-            f"SIFTs of up to {todo.sift:,} images, {todo.look:,} queries",
+            f"SIFTs of up to {todo.sift:,} images, {todo.pc:,} queries",
             seconds / self.workers,
-            todo.sift * SIFTS + self.maps,
+            todo.sift * SIFTS + todo.pc * self.result,
             self.kept + self.workers * 120.0 * enlarged,
         )
 
     def anomaly(self) -> Line:
         todo, ad = self.todo, self.config.ad
         step = 0.0046 * (ad.pixels / 12_288) * (ad.channels / 16)  # seconds of training on an image once
-        seconds = todo.train * (self.read + 0.95 * ad.epochs * (ad.folds + 0.3) * step) + todo.look * (self.read + 0.02)
+        seconds = todo.train * (self.read + 0.95 * ad.epochs * (ad.folds + 0.3) * step) + todo.ad * (self.read + 0.02)
         places = len(self.sizes.maps) * ad.k * todo.train / sum(self.sizes.maps)
         weights = ad.latent * ad.channels * ad.pixels / 4 + 1.1e6 * (ad.channels / 16) ** 2  # bytes
         return Line(
             "AD",
-            f"AEs for {todo.train:,} map images, {todo.look:,} queries",
+            f"AEs for {todo.train:,} map images, {todo.ad:,} queries",
             seconds / self.workers,
-            places * weights + self.maps,
+            places * weights + todo.ad * self.result,
             self.kept + self.workers * (0.3e9 + 12.0 * ad.pixels * self.longest / ad.k),
         )
 
@@ -215,8 +278,8 @@ class _Plan:
         tables = 2 if len(self.sizes.pairs) > 1 else 1  # of all pairs together, and of each
         others = methods * len({*measured.curve_Y} - {measured.Y})
         each = (methods + len(CONTROLS) + 1) * tables * (3.5e-7 + 1.6e-9 * measured.bootstrap) + others * 3.5e-7
-        seconds = each * self.cells
-        return Line("fusion and evaluation", f"{self.cells:,} cells", seconds, 0.0, self.kept + POOL * self.cells)
+        cells = self.cells if self.sizes.annotated else 0
+        return Line("fusion and evaluation", f"{cells:,} cells", each * cells, 0.0, self.kept + POOL * cells)
 
     def pictures(self) -> Line:
         count, methods = min(2 * self.config.report.pictures, self.queries), len(self.config.mix.rows)
@@ -231,6 +294,8 @@ class _Plan:
 def announce(config: Config, sizes: Outline, todo: Todo, store: Store) -> dict[str, float]:
     """Tell the user what the run will take, on standard error, and refuse it where the disk is too small.
 
+    While images are still to be made, what comes after them may be stored: the disk must then have room for them alone.
+
     Returns:
         Seconds of each stage.
 
@@ -238,19 +303,19 @@ def announce(config: Config, sizes: Outline, todo: Todo, store: Store) -> dict[s
         InputError: what will be written does not fit on the disk.
     """
     found = estimate(config, sizes, todo)
-    say(found.text())
-    check_room(found, store)
+    say(found.text(stored=not todo.make))
+    check_room(found.lines[0].disk if 0 < todo.make < sizes.images else found.disk, store)
     warn_of_memory(found)
     return {line.stage: line.seconds for line in found.lines}
 
 
-def check_room(found: Estimate, store: Store) -> None:
-    """Raise InputError if what will be written does not fit on the disk."""
+def check_room(needed: float, store: Store) -> None:
+    """Raise InputError if what will be written, bytes, does not fit on the disk."""
     there = next(path for path in (store.root.absolute(), *store.root.absolute().parents) if path.exists())
     free = shutil.disk_usage(there).free
-    if found.disk > free:
+    if needed > free:
         raise InputError(
-            f"store={store.root}: this run writes about {readable(found.disk)}, {readable(free)} are free; "
+            f"store={store.root}: this run writes about {readable(needed)}, {readable(free)} are free; "
             "free some or choose another disk with store=DIR"
         )
 

@@ -70,6 +70,13 @@ def _dull(model: Segmentation, frame: Frame) -> Arrays:
     return {"dull": dull_pixels(model.labels(read_image(frame.path)))}
 
 
+def missing_masks(dataset: Dataset, model: Segmentation | None, store: Store) -> int:
+    """Count the queries that the model has still to look at."""
+    if model is None:
+        return 0
+    return store.lacks(STAGE, (STAGE.key(model.identity, [frame.digest]) for frame in dataset.query))
+
+
 def load_masks(
     dataset: Dataset, config: Mask, model: Segmentation | None, store: Store, workers: int
 ) -> list[NDArray[np.bool_]] | None:

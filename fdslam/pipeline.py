@@ -17,6 +17,7 @@ from fdslam.detectors import DETECTORS
 from fdslam.errors import InputError
 from fdslam.estimate import announce, everything, remaining
 from fdslam.fusion import fuse
+from fdslam.hypotheses import hypotheses
 from fdslam.mapping import BowMap
 from fdslam.mask import apply_masks, load_masks, segmentation
 from fdslam.metrics import Figure, Leader, Row, Scene, evaluate, leaders, proportion
@@ -99,6 +100,9 @@ class _Fused(Mapping[str, Maps]):
     def __len__(self) -> int:
         return len(self._methods)
 
+    def __contains__(self, name: object) -> bool:  # the inherited one would make the maps
+        return name in self._methods
+
     def __getitem__(self, name: str) -> Maps:
         return apply_masks(self._made(name), self._masks)
 
@@ -128,12 +132,12 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
         models = _Models(Library(config.obb, config.device), segmentation(config.mask, config.device))
         sizes = outline_of(config.dataset, store)
         if sizes is not None and sizes.missing:
-            watch.expected = announce(config, sizes, everything(sizes), store)
+            watch.expected = announce(config, sizes, everything(config, sizes), store)
         datasets = load_datasets(config.dataset, store, config.workers)
         for dataset in datasets:
             _check_truth(config, dataset)
-        if sizes is None or not sizes.missing:
-            todo = remaining(config, datasets, models.library, store)
+        if sizes is None or sizes.missing < sizes.images:
+            todo = remaining(config, datasets, models.library, models.segmentation, store)
             watch.expected = announce(config, outline(datasets), todo, store)
     located = [_locate(config, dataset, models, store, watch) for dataset in datasets]
     seen = [_see(config, one, store, watch) for one in located]
@@ -155,15 +159,15 @@ def _locate(config: Config, dataset: Dataset, models: _Models, store: Store, wat
 
 
 def _see(config: Config, located: _Located, store: Store, watch: Stopwatch) -> _Seen:
-    hypotheses = _hypotheses(config, located)
-    context = Context(config, located.dataset, store, located.localizations, located.keys, hypotheses)
+    found_at = hypotheses(config.evaluation, located.dataset, located.localizations)
+    context = Context(config, located.dataset, store, located.localizations, located.keys, found_at)
     found: dict[str, Maps] = {}
     kept = {"bag of words": located.kept}
     for name in config.mix.detectors:
         with watch.stage(name):
             detected = DETECTORS[name](context)
             found[name], kept[name] = list(detected.loc), detected.kept
-    return _Seen(located, hypotheses, found, kept)
+    return _Seen(located, found_at, found, kept)
 
 
 def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome:
@@ -181,8 +185,8 @@ def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome
     images = np.array([len(one.map) for one in datasets])
     kept = {name: float(np.average([one.kept[name] for one in seen], weights=images)) for name in seen[0].kept}
     starts = np.cumsum(images) - images
-    hypotheses = tuple(h + start for one, start in zip(seen, starts, strict=True) for h in one.hypotheses)
-    return Outcome(dataset, localizations, hypotheses, recall, maps, tuple(rows), lead, kept)
+    shifted = tuple(h + start for one, start in zip(seen, starts, strict=True) for h in one.hypotheses)
+    return Outcome(dataset, localizations, shifted, recall, maps, tuple(rows), lead, kept)
 
 
 def _over_Y(
@@ -199,6 +203,7 @@ def _over_Y(
         maps = _Fused(other, [_see(other, one, store, watch) for one in located])
         with watch.stage("fusion and evaluation"):
             rows[y] = tuple(_evaluate(maps, config.mix.rows, outcome.dataset, names, other))
+        del maps  # before the next are made
     return rows
 
 
@@ -213,14 +218,6 @@ def _check_truth(config: Config, dataset: Dataset) -> None:
         raise InputError(
             f"ad=pose: {dataset.name} has no poses; add x, y, heading to map.csv or choose ad=appearance or ad=time"
         )
-
-
-def _hypotheses(config: Config, located: _Located) -> tuple[NDArray[np.int64], ...]:
-    """Top-Y of the strong list or, for ``viewpoint: true``, of the true place (empty where the map lacks it)."""
-    if config.evaluation.viewpoint == "predicted":
-        return tuple(one.strong[: config.evaluation.Y].astype(np.int64) for one in located.localizations)
-    assert located.dataset.relevant is not None  # by _check_truth
-    return tuple(places[: config.evaluation.Y] for places in located.dataset.relevant)
 
 
 def _objects(boxes: Boxes, library: str) -> NDArray[np.float32]:

@@ -40,6 +40,11 @@ class Proposals:
                 jobs = {self._key(source, frame): partial(_make, source, frame) for frame in frames}
                 ensure(self.store, _stage(source), jobs, self.workers, f"{name}, OBBs of {label}")
 
+    def missing(self, frames: Sequence[Frame]) -> int:
+        """Count the looks at images that costly sources still have to take, by the files of what is stored alone."""
+        costly = [source for source in self.library.sources.values() if source.module]
+        return sum(self.store.lacks(_stage(one), (self._key(one, frame) for frame in frames)) for one in costly)
+
     def of(self, frame: Frame) -> Boxes:
         """Return the OBBs of one frame."""
         return joined({name: self._of(source, frame) for name, source in self.library.sources.items()})

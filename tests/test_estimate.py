@@ -9,9 +9,9 @@ import pytest
 from experiments.table1.campus_as_nclt import write_campus
 from fdslam import estimate as module
 from fdslam.config import Campus, Evaluation, Mix, Nclt, Report
-from fdslam.data import load_datasets, outline, outline_of
+from fdslam.data import ledger, load_datasets, outline, outline_of
 from fdslam.errors import InputError
-from fdslam.estimate import check_room, estimate, everything, remaining, warn_of_memory
+from fdslam.estimate import Todo, check_room, estimate, everything, remaining, warn_of_memory
 from fdslam.obb import Library
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
@@ -19,7 +19,7 @@ from fdslam.store import Store
 from tests.test_pipeline import config_for
 
 SMALL = Campus(images=24, width=154, height=202, objects=24, distractors=24, all_pairs=True)
-NONE = {"make": 0, "features": 0, "learn": 0, "localise": 0, "sift": 0, "train": 0, "look": 0}
+NOTHING = vars(Todo())
 
 
 def stored(store, stage):
@@ -28,7 +28,7 @@ def stored(store, stage):
 
 def todo(config):
     store = Store(config.store)
-    return vars(remaining(config, load_datasets(config.dataset, store, 1), Library(config.obb), store))
+    return vars(remaining(config, load_datasets(config.dataset, store, 1), Library(config.obb), None, store))
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def done(tmp_path_factory):
     store = tmp_path_factory.mktemp("estimate") / "store"
     config = config_for(SMALL, store, mix=Mix(rows=["FD", "PC", "AD"]), evaluation=Evaluation(bootstrap=20))
     sizes = outline_of(config.dataset, Store(store))
-    before = vars(everything(sizes))
+    before = vars(everything(config, sizes))
     outcome = run(config, Stopwatch())
     return config, sizes, before, outcome, store
 
@@ -60,39 +60,60 @@ def test_what_is_to_do_at_first_is_what_a_run_then_makes(done):
 def test_nothing_is_to_do_after_a_run(done):
     config, *_ = done
     assert outline_of(config.dataset, Store(config.store)).missing == 0
-    assert todo(config) == NONE
+    assert todo(config) == NOTHING
 
 
 @pytest.mark.parametrize(
     ("stage", "less", "expected"),
     [
         ("features", 5, {"features": 5}),
-        ("localization", 3, {"localise": 3}),
         ("map", 4, {}),  # words of the images are stored: nothing is learned again
-        ("places", 1, {"train": 6}),
+        ("fd", 3, {"fd": 3}),
+        ("pc", 3, {"pc": 3}),
+        ("pc_features", 3, {}),  # nothing has to be compared again
+        ("ad", 3, {"ad": 3}),
+        ("autoencoder", 99, {"train": 24, "ad": None}),
+        ("places", 1, {"train": 6, "ad": None}),
+        ("localization", 1, {"localise": 1, "fd": None, "pc": None, "ad": None}),
     ],
 )
 def test_what_is_lost_is_to_do_again(done, tmp_path, stage, less, expected):
+    """None: some, as what they were compared with is not known any more."""
     config, *_, store = done
     shutil.copytree(store, tmp_path / "store")
     for path in sorted((tmp_path / "store" / stage).rglob("*.safetensors"))[:less]:
         path.unlink()
     found = todo(replace(config, store=str(tmp_path / "store")))
-    assert {name: found[name] for name in expected} == expected
-    assert {name: found[name] for name in NONE if name not in {*expected, "look"}} == {
-        name: 0 for name in NONE if name not in {*expected, "look"}
-    }
-    assert (found["look"] > 0) == bool({"localise", "train"} & set(expected))
+    assert {name for name, count in found.items() if count} == expected.keys()
+    assert all(found[name] == count for name, count in expected.items() if count is not None)
+
+
+def test_another_detector_or_y_on_a_finished_store_is_to_do(done):
+    config, _, _, outcome, _ = done
+    queries = len(outcome.dataset.query)
+    other = replace(config, evaluation=replace(config.evaluation, Y=3, curve_Y=[1]))
+    assert todo(other) == NOTHING | {"fd": 2 * queries, "pc": 2 * queries}
+    assert todo(replace(config, pc=replace(config.pc, sigma=2.0)))["sift"] > 12
+
+
+def test_lost_results_with_lost_sifts_are_counted_with_them(done, tmp_path):
+    config, *_, store = done
+    shutil.copytree(store, tmp_path / "store")
+    for stage in ("pc", "pc_features"):
+        shutil.rmtree(tmp_path / "store" / stage)
+    found = todo(replace(config, store=str(tmp_path / "store")))
+    assert found["sift"] == stored(store, "pc_features")
+    assert found["pc"] == stored(store, "pc")
 
 
 def test_the_disk_it_says_is_the_disk_it_takes(done):
     config, sizes, _, _, store = done
-    found = estimate(config, sizes, everything(sizes))
+    found = estimate(config, sizes, everything(config, sizes))
     written = sum(path.stat().st_size for path in store.rglob("*") if path.is_file())
     assert 0.5 * written < found.disk < 2 * written
     stages = [line.stage for line in found.lines]
     assert stages == ["data", "map and localisation", "FD", "PC", "AD", "fusion and evaluation", "pictures"]
-    text = found.text().splitlines()
+    text = found.text(stored=False).splitlines()
     assert len(text) == 2 + len(stages) + 1
     assert "24 images to make" in text[2]
 
@@ -101,18 +122,19 @@ def test_stages_are_those_of_the_run(done):
     config, sizes, *_ = done
     watch = Stopwatch()
     run(config, watch)
-    lines = estimate(config, sizes, everything(sizes)).lines
+    lines = estimate(config, sizes, everything(config, sizes)).lines
     assert [*watch.seconds, "pictures"] == [line.stage for line in lines]  # pictures are the report's
 
 
-def test_more_work_takes_more(done):
+def test_more_work_takes_more(done, monkeypatch):
+    monkeypatch.setattr(module, "_task", lambda: module.REFERENCE)
     config, sizes, *_ = done
 
     def of(config, sizes=sizes):
-        return estimate(config, sizes, everything(sizes))
+        return estimate(config, sizes, everything(config, sizes))
 
     small, large = of(config), of(config, replace(sizes, height=808, width=616))
-    assert large.seconds > 2 * small.seconds
+    assert large.seconds > 1.5 * small.seconds
     assert large.disk > 2 * small.disk
     assert large.memory > small.memory
     assert of(replace(config, mix=Mix(rows=["FD"]))).seconds < small.seconds
@@ -132,8 +154,8 @@ def test_a_disk_that_is_too_small_is_refused_before_anything_is_made(tmp_path, m
 
 def test_too_little_memory_is_a_warning(done, monkeypatch, caplog):
     config, sizes, *_ = done
-    found = estimate(config, sizes, everything(sizes))
-    check_room(found, Store(config.store))
+    found = estimate(config, sizes, everything(config, sizes))
+    check_room(found.disk, Store(config.store))
     with caplog.at_level(logging.WARNING):
         warn_of_memory(found)
         assert not caplog.text
@@ -143,10 +165,20 @@ def test_too_little_memory_is_a_warning(done, monkeypatch, caplog):
     assert "the machine has 100.0 MB" in caplog.text
 
 
-def test_nclt_is_outlined_from_its_lists(tmp_path):
+def test_nclt_is_outlined_from_its_lists(tmp_path, monkeypatch):
+    monkeypatch.setattr(ledger, "SETTLED", 0)  # files that were made this second are remembered too
     write_campus(tmp_path / "raw", SMALL, Store(tmp_path / "campus"))
     settings, store = Nclt(root=str(tmp_path / "raw"), every=0.0), Store(tmp_path / "store")
     before = outline_of(settings, store)
     assert (before.missing, before.images, before.height, before.width) == (24, 24, 202, 154)
     datasets = load_datasets(settings, store, 1)
     assert outline_of(settings, store) == replace(before, missing=0) == outline(datasets)
+    image = next((tmp_path / "raw").rglob("*.tiff"))
+    image.write_bytes(image.read_bytes() + b" ")  # another file now
+    assert outline_of(settings, store).missing == 1
+
+
+def test_a_world_without_queries_is_refused_in_the_loader_s_words(tmp_path):
+    config = config_for(Campus(images=40, width=154, height=202, objects=1, distractors=0), tmp_path / "store")
+    with pytest.raises(InputError, match=r"no image of AU is a query against SU; raise dataset\.images=40"):
+        run(config, Stopwatch())

@@ -8,15 +8,26 @@ hashed again the next time, since it may change once more within the same tick o
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
 import numpy as np
 
-from fdslam.store import Stage, Store, sha256_file
+from fdslam.store import Key, Stage, Store, sha256_file
 
 HASHED = Stage("file_digest", ())
 SETTLED = 2_000_000_000  # ns: coarser clocks of file systems tick every 2 s
+
+
+def known_digest(path: Path, store: Store) -> str | None:
+    """Return the sha256 of a file's bytes as hex if it is remembered and the file is as it was; it is not read.
+
+    Raises:
+        OSError: there is no such file.
+    """
+    known = store.get(HASHED, _key(path, path.stat()))
+    return None if known is None else known["sha256"].tobytes().hex()
 
 
 def remembered_digest(path: Path, store: Store) -> str:
@@ -25,12 +36,16 @@ def remembered_digest(path: Path, store: Store) -> str:
     Raises:
         OSError: the file cannot be read.
     """
-    state = path.stat()
-    key = HASHED.key({}, [str(path.absolute()), *map(str, (state.st_size, state.st_mtime_ns, state.st_ctime_ns))])
-    known = store.get(HASHED, key)
+    known = known_digest(path, store)
     if known is not None:
-        return known["sha256"].tobytes().hex()
+        return known
+    state = path.stat()
     value = sha256_file(path)
     if time.time_ns() - max(state.st_mtime_ns, state.st_ctime_ns) > SETTLED:
-        store.put(HASHED, key, {"sha256": np.frombuffer(bytes.fromhex(value), np.uint8)})
+        store.put(HASHED, _key(path, state), {"sha256": np.frombuffer(bytes.fromhex(value), np.uint8)})
     return value
+
+
+def _key(path: Path, state: os.stat_result) -> Key:
+    values = (state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+    return HASHED.key({}, [str(path.absolute()), *map(str, values)])

@@ -23,6 +23,7 @@ class Outline:
     pairs: tuple[tuple[int, int], ...]  # of each pair of sessions the queries and the map images
     height: int  # pixels
     width: int  # pixels
+    annotated: bool = True  # something is known to have changed, or not
 
 
 def outline(datasets: Sequence[Dataset]) -> Outline:
@@ -31,7 +32,8 @@ def outline(datasets: Sequence[Dataset]) -> Outline:
     frames = {frame.digest for one in datasets for frame in (*one.map, *one.query)}
     first = datasets[0].query[0]
     pairs = tuple((len(one.query), len(one.map)) for one in datasets)
-    return Outline(len(frames), 0, tuple(maps.values()), pairs, first.height, first.width)
+    annotated = any(one.boxes is not None for one in datasets)
+    return Outline(len(frames), 0, tuple(maps.values()), pairs, first.height, first.width, annotated)
 
 
 def outline_campus(settings: Campus, store: Store) -> Outline:

@@ -7,6 +7,8 @@ stored is c z, and another c repeats nothing.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
@@ -132,6 +134,30 @@ def fit_places(context: Context) -> tuple[NDArray[np.int64], list[Key], tuple[Pl
     return label, keys, fill_statistics(models), size
 
 
+def _places_of(context: Context, label: NDArray[np.int64], query: int) -> list[int]:
+    """Return the places of a query's hypotheses, of the best alone with ``ad.hypotheses: top1``."""
+    hypotheses = context.hypotheses[query]
+    used = hypotheses[:1] if context.config.ad.hypotheses == "top1" else hypotheses
+    return sorted({int(label[m]) for m in used})
+
+
+def _addresses(context: Context, label: NDArray[np.int64], keys: list[Key], models: Sequence[PlaceModel]) -> list[Key]:
+    addresses = []
+    for query, frame in enumerate(context.dataset.query):
+        places = _places_of(context, label, query)
+        used = [(keys[place], *map(float.hex, _statistics(models[place]))) for place in places]
+        addresses.append(STAGE.key({}, [frame.digest, *(value for entry in used for value in entry)]))
+    return addresses
+
+
+def missing(context: Context) -> int:
+    """Count the queries without a stored result; all of them where an AE is not trained yet."""
+    if untrained(context):
+        return len(context.dataset.query)
+    label, keys, models, _ = fit_places(context)
+    return context.store.lacks(STAGE, _addresses(context, label, keys, models))
+
+
 def detect(context: Context) -> Detected:
     """Return the LoC of every query (§AD): z of the AE of its place, the largest in each cell.
 
@@ -141,23 +167,15 @@ def detect(context: Context) -> Detected:
     data, config = context.dataset, context.config
     label, keys, models, size = fit_places(context)
 
-    def places_of(query: int) -> list[int]:
-        hypotheses = context.hypotheses[query]
-        used = hypotheses[:1] if config.ad.hypotheses == "top1" else hypotheses
-        return sorted({int(label[m]) for m in used})
-
     def cells(query: int) -> Arrays:
-        frame, places = data.query[query], places_of(query)
+        frame, places = data.query[query], _places_of(context, label, query)
         if not places:
             return {"cz": np.zeros(grid_shape(frame.height, frame.width), np.float32)}
         image = prepare([read_image(frame.path)], size)
         z = [_z(models[place], image, config.device) for place in places]
         return {"cz": error_to_cells(np.min(z, axis=0), frame.height, frame.width)}
 
-    addresses = []
-    for query, frame in enumerate(data.query):
-        used = [(keys[place], *map(float.hex, _statistics(models[place]))) for place in places_of(query)]
-        addresses.append(STAGE.key({}, [frame.digest, *(value for entry in used for value in entry)]))
+    addresses = _addresses(context, label, keys, models)
     # In double precision, or the division would make equals of neighbours and c would change a ranking.
     loc = [a["cz"].astype(np.float64) / config.ad.c for a in context.fetch(STAGE, addresses, cells, "AD")]
     weights = sum(weight.nbytes for model in models for weight in model.weights.values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -95,6 +95,29 @@ def features_key(frame: Frame, config: Pc) -> Key:
     return FEATURES.key(part(config, Keypoints), [frame.digest])
 
 
+def _keys(context: Context) -> list[Key]:
+    data, config = context.dataset, context.config.pc
+    return [
+        STAGE.key(part(config, Pc), [features_key(one, config) for one in (frame, *(data.map[m] for m in hypotheses))])
+        for frame, hypotheses in zip(data.query, context.hypotheses, strict=True)
+    ]
+
+
+def _needed(context: Context, keys: Sequence[Key], lacks: Callable[[Key], bool]) -> list[Frame]:
+    """Return the frames whose SIFTs the queries without a result need."""
+    data = context.dataset
+    queries = [query for query, key in enumerate(keys) if lacks(key)]
+    return [*dict.fromkeys(f for q in queries for f in (data.query[q], *(data.map[m] for m in context.hypotheses[q])))]
+
+
+def missing(context: Context) -> tuple[int, set[Key]]:
+    """Count the queries without a stored result; also return the addresses of the SIFTs that are missing for them."""
+    keys, store = _keys(context), context.store
+    needed = _needed(context, keys, lambda key: bool(store.lacks(STAGE, [key])))
+    sifts = {features_key(frame, context.config.pc) for frame in needed}
+    return store.lacks(STAGE, keys), {key for key in sifts if store.lacks(FEATURES, [key])}
+
+
 def detect(context: Context) -> Detected:
     """Return the LoC of every query (§PC): the distance of its SIFTs to the nearest of the top-Y map images.
 
@@ -126,12 +149,8 @@ def detect(context: Context) -> Detected:
             )
         }
 
-    keys = [
-        STAGE.key(part(config, Pc), [key_of(frame), *(key_of(data.map[m]) for m in hypotheses)])
-        for frame, hypotheses in zip(data.query, context.hypotheses, strict=True)
-    ]
-    missing = [query for query, key in enumerate(keys) if not context.store.has(STAGE, key)]
-    needed = {frame: None for q in missing for frame in (data.query[q], *(data.map[m] for m in context.hypotheses[q]))}
+    keys = _keys(context)
+    needed = _needed(context, keys, lambda key: not context.store.has(STAGE, key))
     jobs = {key_of(frame): partial(extract, frame) for frame in needed}
     ensure(context.store, FEATURES, jobs, context.config.workers, "PC features")
     loc = [arrays["loc"] for arrays in context.fetch(STAGE, keys, cells, "PC")]

@@ -17,7 +17,7 @@ from fdslam.config import Fd, part
 from fdslam.context import Context, Detected
 from fdslam.coverage import Coverage
 from fdslam.localization import RECIPROCAL_ONE, reciprocal
-from fdslam.store import Arrays, Stage
+from fdslam.store import Arrays, Key, Stage
 from fdslam.types import Cells
 
 STAGE = Stage("fd", ("fdslam.detectors.fault_diagnosis",), ("numpy",))
@@ -74,6 +74,18 @@ def loc_cells(boxes: NDArray[np.float32], ranks: NDArray[np.int32], height: int,
     return coverage.cells(_blocks(coverage, ranks, config)).astype(np.float32)
 
 
+def _keys(context: Context) -> list[Key]:
+    return [
+        STAGE.key(part(context.config.fd, Fd), [key, *map(str, hypotheses)])
+        for key, hypotheses in zip(context.localization_keys, context.hypotheses, strict=True)
+    ]
+
+
+def missing(context: Context) -> int:
+    """Count the queries without a stored result."""
+    return context.store.lacks(STAGE, _keys(context))
+
+
 def detect(context: Context) -> Detected:
     """Return the LoC of every query (§FD) from its weak ranks of the hypotheses; nothing more of the map is kept."""
 
@@ -82,8 +94,4 @@ def detect(context: Context) -> Detected:
         ranks = found.ranks[:, context.hypotheses[query]].astype(np.int32)
         return {"loc": loc_cells(found.boxes.xyxy, ranks, frame.height, frame.width, context.config.fd)}
 
-    keys = [
-        STAGE.key(part(context.config.fd, Fd), [key, *map(str, hypotheses)])
-        for key, hypotheses in zip(context.localization_keys, context.hypotheses, strict=True)
-    ]
-    return Detected([arrays["loc"] for arrays in context.fetch(STAGE, keys, cells, "FD")], kept=0.0)
+    return Detected([arrays["loc"] for arrays in context.fetch(STAGE, _keys(context), cells, "FD")], kept=0.0)

@@ -28,7 +28,7 @@ class Ranking:
     within: NDArray[np.integer]  # [N] per cell its place among the cells of its own query, 1 = largest LoC
 
     def tied(self, falling: NDArray[np.floating]) -> NDArray[np.integer]:
-        """[N] per cell a rank, 0 to N, larger for a larger LoC, equal for equal LoC; ``falling``: LoC in the order."""
+        """[N] per cell a rank, 1 to N, larger for a larger LoC, equal for equal LoC; ``falling``: LoC in the order."""
         first = np.arange(len(falling), dtype=self.order.dtype)
         first[1:][falling[1:] == falling[:-1]] = 0
         np.maximum.accumulate(first, out=first)

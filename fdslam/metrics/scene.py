@@ -46,10 +46,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         """Raise InputError if a name occurs twice or the fields differ in length."""
-        if len({len(self.names), len(self.heights), len(self.widths), len(self.boxes)}) > 1:
-            raise InputError("scene: names, heights, widths and boxes must have one entry per query")
+        given = [part for part in (self.images, self.shown) if part]
+        if len({len(part) for part in (self.names, self.heights, self.widths, self.boxes, *given)}) > 1:
+            raise InputError("scene: names, heights, widths, boxes, images and shown must have one entry per query")
         if len(set(self.names)) < len(self.names):
-            twice = next(n for i, n in enumerate(self.names) if n in self.names[:i])
+            twice = next(self._shown(i) for i, name in enumerate(self.names) if name in self.names[:i])
             raise InputError(f"scene: two queries are named {twice!r}; give every query its own name")
 
     def image_of(self, query: int) -> str:

@@ -138,8 +138,8 @@ def draw_pictures(outcome: Outcome, config: Config, folder: Path) -> None:
     if not wanted:
         return
     *others, last = config.mix.rows
-    places = percentiles(outcome.maps[last])
-    ranked = rank_queries(outcome, places)
+    of_last = percentiles(outcome.maps[last])
+    ranked = rank_queries(outcome, of_last)
     if ranked:
         best = ranked[:wanted]
         worst = [query for query in reversed(ranked) if query not in best][:wanted]
@@ -149,7 +149,7 @@ def draw_pictures(outcome: Outcome, config: Config, folder: Path) -> None:
         names = {f"query_{query:04d}": query for query in range(min(wanted, len(outcome.dataset.query)))}
     heat: dict[int, dict[str, NDArray[np.float32]]] = {query: {} for query in names.values()}
     for row in [*others, last]:  # only what is drawn is kept: the cells of all queries and methods fill GBs
-        places = places if row == last else percentiles(outcome.maps[row])
+        places = of_last if row == last else percentiles(outcome.maps[row])
         for query in heat:
             heat[query][row] = places[query].copy()
     with mpl.rc_context({"font.family": "DejaVu Sans"}):

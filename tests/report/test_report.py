@@ -14,7 +14,7 @@ from experiments.table1.compare import comparison
 from fdslam.config import METHODS, Obb, Report
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
-from fdslam.report import write_report
+from fdslam.report import pictures, write_report
 from fdslam.report.curves import draw_curves
 from fdslam.report.data import table_csv, table_json
 from fdslam.report.latex import table_latex
@@ -92,6 +92,18 @@ def test_report_writes_pictures_that_show_the_query(made, tmp_path):
         assert pixels.shape[1] > 2 * pixels.shape[0]  # two rows of panels
         assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 500
     assert "pictures" in json.loads((tmp_path / "run.json").read_text())["seconds"]
+
+
+def test_every_method_s_panel_shows_that_method(made, tmp_path, monkeypatch):
+    config, outcome, _ = made
+    shown = {}
+    monkeypatch.setattr(pictures, "draw_query", lambda _, heat, query: shown.setdefault(query, heat) and b"")
+    pictures.draw_pictures(outcome, config, tmp_path)
+    assert len(shown) == 4
+    for query, heat in shown.items():
+        assert list(heat) == config.mix.rows
+        for row, places in heat.items():
+            assert np.array_equal(places, percentiles(outcome.maps[row])[query])
 
 
 def test_percentiles_are_ranks_over_the_pool():

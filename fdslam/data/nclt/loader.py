@@ -69,8 +69,12 @@ def load_nclt(settings: Nclt, store: Store, workers: int) -> tuple[Dataset, ...]
     """
     pairs = _pairs(settings)
     _say_what_is_left_out({one.session.date: one for pair in pairs for one in (pair.query, pair.map)}, settings)
-    table = table_file(root_folder(settings), settings.camera) if settings.undistort else None
-    frames = make_upright(_files(pairs), table, store, workers)
+    for pair in pairs:
+        listed = len(pair.annotated.images) if pair.annotated else 0
+        if pair.annotated and len(pair.queries) < listed:
+            lost = listed - len(pair.queries)
+            log.warning("%s: %d of %d queries have no pose and are left out", pair.annotated.path, lost, listed)
+    frames = make_upright(_files(pairs), _table(settings), store, workers)
     return tuple(_dataset(pair, frames, settings) for pair in pairs)
 
 
@@ -82,12 +86,17 @@ def outline_nclt(settings: Nclt, store: Store) -> Outline:
     maps = {pair.map.session.date: len(pair.map.sampled) for pair in pairs}
     return Outline(
         images=len(files),
-        missing=count_missing(files, store),
+        missing=count_missing(files, _table(settings), store),
         maps=tuple(maps.values()),
         pairs=tuple((len(pair.queries), len(pair.map.sampled)) for pair in pairs),
         height=width,  # they lie on their side
         width=height,
+        annotated=any(pair.annotated for pair in pairs),
     )
+
+
+def _table(settings: Nclt) -> Path | None:
+    return table_file(root_folder(settings), settings.camera) if settings.undistort else None
 
 
 def _pairs(settings: Nclt) -> list[_Pair]:
@@ -143,9 +152,6 @@ def _pair(query: _Posed, map: _Posed, annotated: Annotated | None) -> _Pair:
         return _Pair(query, map, None, query.sampled)
     listed = np.array(sorted(annotated.images), np.int64)
     known = listed[~np.isnan(query.poses[listed, 0])]
-    if len(known) < len(listed):
-        log.warning("%s: %d of %d queries have no pose and are left out", annotated.path, len(listed) - len(known),
-                    len(listed))  # fmt: skip
     if not len(known):
         raise InputError(f"{annotated.path}: none of its images has a pose; check the time stamps, or dataset.gap")
     return _Pair(query, map, annotated, known)

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from fdslam.data.images import LIBRARIES, image_size, read_image
-from fdslam.data.ledger import remembered_digest
+from fdslam.data.ledger import known_digest, remembered_digest
 from fdslam.data.nclt.undistortion import Undistortion, read_undistortion
 from fdslam.errors import InputError
 from fdslam.progress import in_parallel, progress
@@ -80,11 +80,19 @@ def make_upright(files: Mapping[str, Path], table: Path | None, store: Store, wo
     return {frame.name: frame for frame in frames}
 
 
-def count_missing(files: Mapping[str, Path], store: Store) -> int:
-    """Count the raw images that have no upright one, whatever it was made of: for estimates, not for results."""
-    folder = store.root / "upright_images"
-    made = {png.with_name(png.stem[: -_SHOWN - 1]) for png in folder.rglob("*.png")}
-    return sum((folder / name).with_suffix("") not in made for name in files)
+def count_missing(files: Mapping[str, Path], table: Path | None, store: Store) -> int:
+    """Count the raw images that have no upright one: for estimates, as one whose digest is not known counts too."""
+    settings = {"undistortion": remembered_digest(table, store) if table else ""}
+
+    def made(name: str, raw: Path) -> bool:
+        digest = known_digest(raw, store)
+        return digest is not None and _png(name, UPRIGHT.key(settings, [digest]), store).is_file()
+
+    return sum(not made(name, raw) for name, raw in files.items())
+
+
+def _png(name: str, key: Key, store: Store) -> Path:
+    return (store.root / "upright_images" / name).with_name(f"{Path(name).stem}-{key[:_SHOWN]}.png")
 
 
 def _look(name: str, raw: Path, settings: dict[str, str], store: Store) -> Frame | _Missing:
@@ -92,7 +100,7 @@ def _look(name: str, raw: Path, settings: dict[str, str], store: Store) -> Frame
         key = UPRIGHT.key(settings, [remembered_digest(raw, store)])
     except OSError as error:
         raise InputError(f"{raw}: cannot be read ({error.strerror or error}); copy it again from its source") from error
-    png = (store.root / "upright_images" / name).with_name(f"{Path(name).stem}-{key[:_SHOWN]}.png")
+    png = _png(name, key, store)
     record = store.get(UPRIGHT, key)
     if record is None or not png.is_file() or remembered_digest(png, store) != record["sha256"].tobytes().hex():
         return _Missing(name, raw, key, png)
