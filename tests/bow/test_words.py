@@ -5,7 +5,8 @@ import sys
 import numpy as np
 import pytest
 
-from fdslam.bow import hamming, native, pivots
+from fdslam import native
+from fdslam.bow import hamming, pivots
 from fdslam.bow import words as module
 from fdslam.bow.words import Words
 from fdslam.progress import in_parallel
