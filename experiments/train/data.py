@@ -105,18 +105,34 @@ def crop(
 
 
 def mosaic(
-    rng: np.random.Generator, views: Views, base: tuple[float, float], scale: tuple[float, float], size: tuple[int, int]
+    rng: np.random.Generator,
+    views: Views,
+    base: tuple[float, float],
+    scale: tuple[float, float],
+    size: tuple[int, int],
+    evenly: float = 0.0,
 ) -> Sample:
-    """Join four crops, each around an object, to one image: four times the objects for one pass of the network."""
+    """Join four crops, each around an object, to one image: four times the objects for one pass of the network.
+
+    Args:
+        rng: draws.
+        views: to draw from.
+        base: see ``crop``.
+        scale: see ``crop``.
+        size: height and width of the image.
+        evenly: an object of a kind that is n times as frequent as another is drawn ``n ** -evenly`` times as often.
+    """
     height, width = size
     y, x = (round(rng.uniform(0.35, 0.65) * n / 8) * 8 for n in size)
     image = np.empty((height, width, 3), np.uint8)
     labels = np.empty((height, width), np.uint8)
     parts: list[tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.bool_]]] = []
     clear = np.flatnonzero(views.clear)
+    kinds = views.classes[clear]
+    weight = np.cumsum(np.bincount(kinds)[kinds] ** -evenly)
     for rows in (slice(0, y), slice(y, height)):
         for columns in (slice(0, x), slice(x, width)):
-            k = clear[rng.integers(len(clear))]
+            k = clear[np.searchsorted(weight, rng.uniform(0, weight[-1]), side="right").clip(0, len(clear) - 1)]
             box = views.boxes[k]
             tile = rows.stop - rows.start, columns.stop - columns.start
             middle = (box[:2] + box[2:]) / 2

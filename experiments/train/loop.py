@@ -6,7 +6,7 @@ import argparse
 import copy
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import cv2
@@ -19,7 +19,7 @@ from experiments.train.views import HEIGHT, STORE, TEST, TRAINING, VALIDATION, W
 WEIGHTS = Path(__file__).parents[2] / "fdslam" / "weights"
 
 
-def options(doc: str | None, epochs: int, batch: int, rate: float) -> argparse.ArgumentParser:
+def options(doc: str | None, epochs: Sequence[int], batch: int) -> argparse.ArgumentParser:
     """Return the parser of the options that both scripts have; the defaults made the shipped models."""
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     add = parser.add_argument
@@ -28,16 +28,15 @@ def options(doc: str | None, epochs: int, batch: int, rate: float) -> argparse.A
     add("--device", default="cpu", help="cpu, cuda")
     add("--threads", type=int, default=os.cpu_count() or 1, help="of torch, and processes that render")
     add("--seed", type=int, default=0, help="of the training")
-    add("--epochs", type=int, default=epochs)
+    add("--epochs", type=int, nargs=len(epochs), default=epochs, help="of each round; the step size rises anew in each")
     add("--batch", type=int, default=batch)
-    add("--rate", type=float, default=rate, help="largest step size")
+    add("--done", type=int, default=0, help="rounds not to do again: their network is taken from the store")
     add("--seeds", type=int, nargs="+", default=TRAINING, help="campuses to train on")
     add("--validation", type=int, nargs="+", default=VALIDATION, help="campuses looked at after each epoch")
     add("--test", type=int, nargs="+", default=TEST, help="campuses looked at once, at the end")
     add("--every", type=int, default=2, help="of the 96 views of a session, every how many")
     add("--height", type=int, default=HEIGHT, help="of a view, pixels")
     add("--width", type=int, default=WIDTH, help="of a view, pixels")
-    add("--export-only", action="store_true", help="export and test the network in the store, without training")
     return parser
 
 
@@ -71,9 +70,33 @@ class Average:
                 mine.copy_(theirs)
 
 
+def rounds(
+    net: nn.Module, args: argparse.Namespace, name: str, train_round: Callable[[nn.Module, int], nn.Module]
+) -> nn.Module:
+    """Do the rounds of a training that are not done, and keep the network of each in the store.
+
+    Args:
+        net: before the first.
+        args: of ``options``.
+        name: of the model.
+        train_round: trains a network, in round 0, 1 and so on, and returns its average.
+    """
+
+    def kept(number: int) -> Path:
+        return args.store / f"{name}_{number}.pt"
+
+    if args.done:
+        net.load_state_dict(torch.load(kept(args.done - 1), weights_only=True))
+    for number in range(args.done, len(args.epochs)):
+        net = train_round(net, number)
+        torch.save(net.state_dict(), kept(number))
+    return net
+
+
 def train(
     net: nn.Module,
-    args: argparse.Namespace,
+    epochs: int,
+    rate: float,
     epoch_of: Callable[[int], Iterator[Callable[[nn.Module], Tensor]]],
     steps: int,
     check: Callable[[nn.Module], str],
@@ -82,24 +105,26 @@ def train(
 
     Args:
         net: the network, on its device.
-        args: of ``options``.
+        epochs: of this round.
+        rate: largest step size.
         epoch_of: yields, of an epoch, the function from the network to the loss of each batch.
         steps: batches of an epoch.
         check: measures the average after an epoch.
     """
+    net.requires_grad_(True)
     for module in net.modules():
         if isinstance(module, nn.BatchNorm2d):
             module.momentum = 0.03  # short trainings: torchvision's 0.01 is too slow
     plain = [p for p in net.parameters() if p.ndim < 2]
     decayed = [p for p in net.parameters() if p.ndim >= 2]
     groups = [{"params": decayed, "weight_decay": 0.02}, {"params": plain, "weight_decay": 0.0}]
-    optimizer = torch.optim.AdamW(groups, lr=args.rate)
-    total, rise = args.epochs * steps, max(1, min(100, args.epochs * steps // 10))
+    optimizer = torch.optim.AdamW(groups, lr=rate)
+    total, rise = epochs * steps, max(1, min(100, epochs * steps // 10))
     schedule = torch.optim.lr_scheduler.LambdaLR(
         optimizer, lambda k: min((k + 1) / rise, 0.5 + 0.5 * float(np.cos(np.pi * min(1.0, k / total))))
     )
     average, start = Average(net), time.monotonic()
-    for epoch in range(args.epochs):
+    for epoch in range(epochs):
         net.train()
         losses = []
         for k, loss_of in enumerate(epoch_of(epoch)):
