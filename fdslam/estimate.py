@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 REFERENCE = 0.0073  # seconds of ``_task`` on the core whose rates these are
 LIBRARIES = 0.5e9  # bytes of the interpreter with all that it imports
-POOL = 45  # bytes a cell while a row is fused and measured, beside the LoC of the detectors
+POOL = 55  # bytes a cell while a row is fused and measured, beside the LoC of the detectors
 SIFTS, ORBS = 205e3, 75e3  # bytes of an image on disk: 1,500 SIFTs; 1,500 ORBs with their words and postings
 
 
@@ -277,7 +277,7 @@ class _Plan:
         methods, measured = len(self.config.mix.rows), self.config.evaluation
         tables = 2 if len(self.sizes.pairs) > 1 else 1  # of all pairs together, and of each
         others = methods * len({*measured.curve_Y} - {measured.Y})
-        each = (methods + len(CONTROLS) + 1) * tables * (3.5e-7 + 1.6e-9 * measured.bootstrap) + others * 3.5e-7
+        each = (methods + len(CONTROLS) + 1) * tables * (3e-7 + 3.5e-10 * measured.bootstrap) + others * 3.5e-7
         cells = self.cells if self.sizes.annotated else 0
         return Line("fusion and evaluation", f"{cells:,} cells", each * cells, 0.0, self.kept + POOL * cells)
 
