@@ -11,54 +11,26 @@ import math
 import os
 import shutil
 import time
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
-from fdslam import mapping
 from fdslam.config import Config
-from fdslam.context import Context
 from fdslam.controls import CONTROLS
 from fdslam.data import Outline
-from fdslam.detectors import anomaly, comparison, fault_diagnosis
 from fdslam.errors import InputError
-from fdslam.hypotheses import hypotheses
-from fdslam.mask import missing_masks
-from fdslam.obb import Library, expected_boxes, parse_library
+from fdslam.obb import expected_boxes
 from fdslam.progress import readable, say, worker_count
-from fdslam.proposals import Proposals
-from fdslam.store import Key, Store
-from fdslam.types import Dataset, grid_shape
-
-if TYPE_CHECKING:
-    from fdslam.segmentation import Segmentation
+from fdslam.store import Store
+from fdslam.todo import Todo
+from fdslam.types import grid_shape
 
 log = logging.getLogger(__name__)
 REFERENCE = 0.0073  # seconds of ``_task`` on the core whose rates these are
 LIBRARIES = 0.5e9  # bytes of the interpreter with all that it imports
 POOL = 55  # bytes a cell while a row is fused and measured, beside the LoC of the detectors
 SIFTS, ORBS = 205e3, 75e3  # bytes of an image on disk: 1,500 SIFTs; 1,500 ORBs with their words and postings
-
-
-@dataclass(frozen=True)
-class Todo:
-    """What is still to be done; what a run finds stored is left out."""
-
-    make: int = 0  # images to render or to turn upright
-    masks: int = 0  # queries that the model of the mask looks at
-    boxes: int = 0  # looks at images by BING and YOLO
-    features: int = 0  # images without ORB features
-    learn: int = 0  # map images that no map holds yet
-    localise: int = 0  # queries
-    sift: int = 0  # images without SIFTs; at most so many are compared
-    train: int = 0  # map images of places without a trained AE
-    fd: int = 0  # queries that FD looks at, once for each Y
-    pc: int = 0  # likewise PC
-    ad: int = 0  # likewise AD
 
 
 @dataclass(frozen=True)
@@ -109,81 +81,6 @@ class Estimate:
         cores = "one core" if self.workers == 1 else f"{self.workers} cores"
         less = "less what is stored already" if stored else "if nothing that follows is stored"
         return "\n".join([f"about, on {cores} with nothing else to do, {less}:", *aligned])
-
-
-def everything(config: Config, sizes: Outline) -> Todo:
-    """Return all there is to do where images are still to be made: what comes after them is not known yet."""
-    queries, learned = sum(queries for queries, _ in sizes.pairs), sum(sizes.maps)
-    costly = {"BING", "YOLO"} & {*parse_library(config.obb.library)}
-    times = len({*config.evaluation.curve_Y, config.evaluation.Y})
-    uses = config.mix.detectors
-    return Todo(
-        make=sizes.missing,
-        masks=queries if config.mask.source == "deeplabv3plus" else 0,
-        boxes=len(costly) * min(queries, sizes.images),
-        features=sizes.images,
-        learn=learned,
-        localise=queries,
-        sift=sizes.images if "PC" in uses else 0,
-        train=learned if "AD" in uses else 0,
-        fd=times * queries if "FD" in uses else 0,
-        pc=times * queries if "PC" in uses else 0,
-        ad=(1 if config.ad.hypotheses == "top1" else times) * queries if "AD" in uses else 0,
-    )
-
-
-def remaining(
-    config: Config, datasets: Sequence[Dataset], library: Library, model: Segmentation | None, store: Store
-) -> Todo:
-    """Return what is not stored yet of a run on loaded data sets; of what is stored hardly more than names is read.
-
-    Args:
-        config: of the run.
-        datasets: its pairs of sessions.
-        library: its sources of OBBs.
-        model: of its mask, if that needs one.
-        store: where results are looked for.
-    """
-    queries = {frame.digest: frame for one in datasets for frame in one.query}.values()
-    frames = {frame.digest: frame for one in datasets for frame in (*one.map, *one.query)}.values()
-    features = mapping.FeatureStore(config.bow, store, config.workers)
-    learn, train, sifts = dict[str, int](), dict[str, int](), set[Key]()
-    counts = Counter[str](boxes=Proposals(library, store, config.workers).missing([*queries]))
-    every_sift = {comparison.features_key(frame, config.pc) for frame in frames}
-    times, uses = sorted({*config.evaluation.curve_Y, config.evaluation.Y}), config.mix.detectors
-    for one in datasets:
-        bow = mapping.BowMap(one.map, config.bow, library, store, config.workers)
-        learn[bow.keys[-1]], lost = bow.missing(one.query)
-        context = Context(config, one, store, (), (), ())
-        train[bow.keys[-1]] = anomaly.untrained(context) if "AD" in uses else 0
-        counts.update(localise=lost, masks=missing_masks(one, model, store))
-        if lost:  # what they will be compared with is not known
-            sifts |= every_sift
-            counts.update(fd=len(times) * len(one.query), pc=len(times) * len(one.query), ad=len(one.query))
-            continue
-        keys, localizations = bow.localize(one.query)
-        for y in times:
-            evaluation = replace(config.evaluation, Y=y)
-            found = hypotheses(evaluation, one, localizations)
-            context = replace(context, localizations=tuple(localizations), localization_keys=tuple(keys))
-            context = replace(context, hypotheses=found)
-            compared, needed = comparison.missing(context) if "PC" in uses else (0, set())
-            sifts |= needed
-            counts.update(pc=compared, fd=fault_diagnosis.missing(context))
-            if "AD" in uses and (y == config.evaluation.Y or config.ad.hypotheses == "min"):
-                counts.update(ad=anomaly.missing(context))
-    return Todo(
-        masks=counts["masks"],
-        boxes=counts["boxes"],
-        features=store.lacks(mapping.FEATURES, map(features.key, frames)),
-        learn=sum(learn.values()),
-        localise=counts["localise"],
-        sift=store.lacks(comparison.FEATURES, sifts) if "PC" in uses else 0,
-        train=sum(train.values()),
-        fd=counts["fd"] if "FD" in uses else 0,
-        pc=counts["pc"] if "PC" in uses else 0,
-        ad=counts["ad"] if "AD" in uses else 0,
-    )
 
 
 def estimate(config: Config, sizes: Outline, todo: Todo) -> Estimate:

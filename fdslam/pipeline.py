@@ -15,7 +15,7 @@ from fdslam.controls import CONTROLS, control, objectness
 from fdslam.data import load_datasets, outline, outline_of
 from fdslam.detectors import DETECTORS
 from fdslam.errors import InputError
-from fdslam.estimate import announce, everything, remaining
+from fdslam.estimate import announce
 from fdslam.fusion import fuse
 from fdslam.hypotheses import hypotheses
 from fdslam.mapping import BowMap
@@ -26,6 +26,7 @@ from fdslam.progress import progress, single_threaded
 from fdslam.provenance import Stopwatch
 from fdslam.sessions import identities, joined
 from fdslam.store import Key, Store
+from fdslam.todo import everything, remaining
 from fdslam.types import Boxes, Dataset, Localization
 
 if TYPE_CHECKING:

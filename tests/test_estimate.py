@@ -11,11 +11,12 @@ from fdslam import estimate as module
 from fdslam.config import Campus, Evaluation, Mix, Nclt, Report
 from fdslam.data import ledger, load_datasets, outline, outline_of
 from fdslam.errors import InputError
-from fdslam.estimate import Todo, check_room, estimate, everything, remaining, warn_of_memory
+from fdslam.estimate import check_room, estimate, warn_of_memory
 from fdslam.obb import Library
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
 from fdslam.store import Store
+from fdslam.todo import Todo, everything, remaining
 from tests.test_pipeline import config_for
 
 SMALL = Campus(images=24, width=154, height=202, objects=24, distractors=24, all_pairs=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
+from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from experiments.train.views import HEIGHT, STORE, TEST, TRAINING, VALIDATION, WIDTH
@@ -83,13 +84,13 @@ def rounds(
     """
 
     def kept(number: int) -> Path:
-        return args.store / f"{name}_{number}.pt"
+        return args.store / f"{name}_{number}.safetensors"
 
     if args.done:
-        net.load_state_dict(torch.load(kept(args.done - 1), weights_only=True))
+        net.load_state_dict(load_file(kept(args.done - 1)))
     for number in range(args.done, len(args.epochs)):
         net = train_round(net, number)
-        torch.save(net.state_dict(), kept(number))
+        save_file({k: v.contiguous() for k, v in net.state_dict().items()}, kept(number))
     return net
 
 
