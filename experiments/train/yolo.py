@@ -24,9 +24,9 @@ from fdslam.data.campus import SESSIONS
 HEIGHT, WIDTH = 416, 320  # pixels of the network's input
 WINDOW = 320, 256  # height and width of what it is trained on, but for the last epoch: it costs three fifths
 NAME = "yolo_campus"
-RATES = 2.5e-3, 2e-3  # largest step size of each round
-EVENLY = 0.0, 0.5  # of the mosaics of each round: rare kinds are not for the beginning
-INDOORS = 1, 2  # how often in an epoch of each round each view from indoors is seen
+RATES = 2.5e-3, 2e-3, 2e-3  # largest step size of each round
+EVENLY = 0.0, 0.5, 0.7  # of the mosaics of each round: rare kinds are not for the beginning
+INDOORS = 1, 2, 3  # how often in an epoch of each round each view from indoors is seen
 MOSAICS = 0.6  # their share, but for a round's last epoch
 MOST = 11  # boxes of an image
 LEAST_SCORE, SAME = 0.1, 0.45  # a box below this score is left out, and one of this IoU with a better one of its kind
@@ -165,7 +165,7 @@ def report(run: Model, views: dict[str, Views], size: tuple[int, int]) -> str:
 
 def main(argv: list[str] | None = None) -> None:
     """Render what is missing, train, export, check the export, and print the figures on unseen campuses."""
-    args = options(__doc__, epochs=(5, 4), batch=12).parse_args(argv)
+    args = options(__doc__, epochs=(5, 4, 20), batch=12).parse_args(argv)
     prepare(args)
     look = {"height": args.height, "width": args.width, "workers": args.threads}
     size = (HEIGHT, WIDTH) if min(args.height, args.width) >= 200 else (96, 96)  # else a trial
