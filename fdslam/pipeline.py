@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,18 +19,16 @@ from fdslam.estimate import announce
 from fdslam.fusion import fuse
 from fdslam.hypotheses import hypotheses
 from fdslam.mapping import BowMap
-from fdslam.mask import apply_masks, load_masks, segmentation
+from fdslam.mask import apply_masks, load_masks
 from fdslam.metrics import Figure, Leader, Row, Scene, evaluate, leaders, proportion
-from fdslam.obb import Library, parse_library
+from fdslam.models import Models, load_models
+from fdslam.obb import parse_library
 from fdslam.progress import progress, single_threaded
 from fdslam.provenance import Stopwatch
 from fdslam.sessions import identities, joined
 from fdslam.store import Key, Store
 from fdslam.todo import everything, remaining
 from fdslam.types import Boxes, Dataset, Localization
-
-if TYPE_CHECKING:
-    from fdslam.segmentation import Segmentation
 
 RECALL_AT = (1, 5, 10)
 FEWEST_DRAWS = 10  # of a bootstrap whose intervals nobody reads
@@ -51,6 +49,7 @@ class Outcome:
     kept: dict[str, float]  # bytes per map image of the bag of words, and what each detector keeps beside it
     pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
     over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
+    models: dict[str, Any] = field(default_factory=dict)  # what tells the models of the run from others
 
 
 @dataclass(frozen=True)
@@ -72,14 +71,6 @@ class _Seen:
     hypotheses: tuple[NDArray[np.int64], ...]
     found: dict[str, Maps]  # per detector
     kept: dict[str, float]
-
-
-@dataclass(frozen=True)
-class _Models:
-    """What is made once for a run, as reading it takes a while."""
-
-    library: Library
-    segmentation: Segmentation | None  # None: the mask needs no model
 
 
 class _Fused(Mapping[str, Maps]):
@@ -119,10 +110,15 @@ class _Fused(Mapping[str, Maps]):
         raise KeyError(name)
 
 
-def run(config: Config, watch: Stopwatch) -> Outcome:
+def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outcome:
     """Run the whole way for every pair of a query and a map session.
 
     What is stored from earlier runs is used, so only what is new is computed.
+
+    Args:
+        config: the whole configuration.
+        watch: takes the time of every stage.
+        models: those of the configuration, where they are at hand; they are read otherwise.
 
     Raises:
         InputError: bad data or configuration, in one line.
@@ -130,7 +126,7 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     single_threaded()
     store = Store(config.store)
     with watch.stage("data"):
-        models = _Models(Library(config.obb, config.device), segmentation(config.mask, config.device))
+        models = models or load_models(config)
         sizes = outline_of(config.dataset, store)
         if sizes is not None and sizes.missing:
             watch.expected = announce(config, sizes, everything(config, sizes), store)
@@ -147,10 +143,10 @@ def run(config: Config, watch: Stopwatch) -> Outcome:
     outcome = _outcome(config, annotated, watch)
     pairs = tuple(_outcome(config, [one], watch) for one in seen) if len(seen) > 1 else ()
     over = _over_Y(config, outcome, [one.located for one in annotated], store, watch)
-    return replace(outcome, pairs=pairs, over_Y=over)
+    return replace(outcome, pairs=pairs, over_Y=over, models=models.identity)
 
 
-def _locate(config: Config, dataset: Dataset, models: _Models, store: Store, watch: Stopwatch) -> _Located:
+def _locate(config: Config, dataset: Dataset, models: Models, store: Store, watch: Stopwatch) -> _Located:
     with watch.stage("data"):
         masks = load_masks(dataset, config.mask, models.segmentation, store, config.workers)
     with watch.stage("map and localisation"):

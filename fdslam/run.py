@@ -15,16 +15,24 @@ import warnings
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 from fdslam.config import DATASETS, Checked, Config, register
 from fdslam.errors import InputError
+from fdslam.finished import signature
 from fdslam.modes import CONF
+from fdslam.progress import say
+from fdslam.sweep import note_failure, reused
+
+if TYPE_CHECKING:
+    from fdslam.models import Models
 
 USAGE_ERROR, INTERRUPTED = 2, 130
 FOLDERS = (
@@ -64,16 +72,16 @@ def _groups(config: Checked) -> list[Checked]:
     return [config, *(group for one in inner for group in _groups(one))]
 
 
-def check_surroundings(config: Config) -> None:
-    """Find in the first second what would otherwise end the run late.
+def check_surroundings(config: Config) -> Models:
+    """Find in the first second what would otherwise end the run late; return the models of the run.
 
     Raises:
         InputError: the data set lacks something, the store cannot be written, the disk is nearly full, the OBB
             library names something unknown, or a model cannot be read.
     """
     from fdslam.data import check_dataset
-    from fdslam.mask import segmentation
-    from fdslam.obb import Library, parse_library
+    from fdslam.models import load_models, out_of_their_world
+    from fdslam.obb import parse_library
 
     parse_library(config.obb.library)
     check_dataset(config.dataset)
@@ -89,8 +97,12 @@ def check_surroundings(config: Config) -> None:
         count = torch.cuda.device_count() if torch.cuda.is_available() else 0
         if int(config.device.partition(":")[2] or 0) >= count:
             raise InputError(f"device={config.device}: torch finds {count} CUDA devices here; run with device=cpu")
-    Library(config.obb, config.device)
-    segmentation(config.mask, config.device)
+    models = load_models(config)
+    if keys := out_of_their_world(config):
+        say(
+            f"{', '.join(f'{key}=FILE' for key in keys)}: not given, so the shipped ones are used, which know the "
+            "embedded campus alone; real ones are better on real images (docs/models.md), and obb=j_b does without"
+        )
     store = Path(config.store)
     try:
         store.mkdir(parents=True, exist_ok=True)
@@ -104,6 +116,7 @@ def check_surroundings(config: Config) -> None:
             f"store={store}: {free / 1e6:.0f} MB free, at least {FREE_BYTES / 1e6:.0f} MB are needed; "
             "free some or choose another disk with store=DIR"
         )
+    return models
 
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
@@ -113,22 +126,27 @@ def _job(composed: DictConfig) -> None:
     except InputError as error:
         # Here, and by SystemExit: an exception that leaves the job is announced by Hydra in lines of its own.
         print(f"fdslam: {error}", file=sys.stderr)
+        folder = Path(HydraConfig.get().runtime.output_dir)
+        if HydraConfig.get().mode == RunMode.MULTIRUN:
+            return note_failure(folder, error)
         with suppress(OSError):  # not empty: something was written, and stays
-            Path(HydraConfig.get().runtime.output_dir).rmdir()
+            folder.rmdir()
         sys.exit(USAGE_ERROR)
 
 
 def _run(composed: DictConfig) -> None:
     config = to_config(composed)
-    check_surroundings(config)
+    models = check_surroundings(config)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    if HydraConfig.get().mode == RunMode.MULTIRUN and reused(folder, config.name, signature(config, models.identity)):
+        return
     # Only now: torch, OpenCV and the rest take seconds to import.
     from fdslam.pipeline import run
     from fdslam.provenance import Stopwatch
     from fdslam.report import write_report
 
     watch = Stopwatch()
-    outcome = run(config, watch)
-    folder = Path(HydraConfig.get().runtime.output_dir)
+    outcome = run(config, watch, models)
     print(write_report(outcome, config, folder, watch))
     print(f"\n{sum(watch.seconds.values()):.1f} s, written to {os.path.relpath(folder)}")
 

@@ -29,6 +29,7 @@ def config_for(data, store, **changes):
     plain = Config(
         store=str(store),
         dataset=data,
+        obb=Obb("J+B"),
         bow=Bow(features=300, min_side=240),
         ad=QUICK,
         mix=Mix(rows=ROWS),

@@ -155,7 +155,7 @@ def test_what_a_run_leaves_behind(tmp_path):
     table = json.loads((out / "table.json").read_text())
     assert {"dataset", "map", "query", "boxes", "mode", "obb", "Y", "seconds", "localization", "rows"} <= table.keys()
     assert (table["dataset"], table["map"], table["query"], table["boxes"]) == ("world", 6, 6, 2)
-    assert (table["mode"], table["obb"], table["Y"]) == ("paper", "J+B", 10)
+    assert (table["mode"], table["obb"], table["Y"]) == ("paper", "J+B+BING+YOLO", 10)
     assert table["localization"].keys() == {"recall@1", "recall@5", "recall@10"}
     methods = [row["method"] for row in table["rows"]]
     assert methods[:6] == ["FD", "PC", "AD", "FD+AD+PC", "FD+AD", "FD+PC"]

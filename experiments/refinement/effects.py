@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fdslam.config import Bow, Campus, Config, Folder, Mix
+from fdslam.config import Bow, Campus, Config, Folder, Mix, Obb
 from fdslam.metrics import Figure
 from fdslam.pipeline import Outcome, run
 from fdslam.progress import single_threaded
@@ -53,7 +53,8 @@ def main() -> None:
     )
     for data in [Folder(root=str(folder)) for folder in folders] or [Campus()]:
         for switch, changes in SWITCHES.items():
-            config = Config(name="effects", dataset=data, bow=replace(Bow(), **changes), mix=Mix(rows=["FD"]))
+            bow = replace(Bow(), **changes)
+            config = Config(name="effects", dataset=data, obb=Obb("J+B"), bow=bow, mix=Mix(rows=["FD"]))
             print(line(switch, run(config, Stopwatch())), flush=True)
 
 

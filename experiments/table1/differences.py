@@ -84,7 +84,7 @@ def main() -> None:
     parser.add_argument("--store", default="outputs/store")
     options = parser.parse_args()
     single_threaded()
-    config, store = Config(store=options.store), Store(options.store)
+    config, store = Config(store=options.store, obb=Obb("J+B")), Store(options.store)
     data = read_folder(options.root, Folder(kind="folder", root=options.root))
     bow = BowMap(data.map, config.bow, Library(config.obb), store, 0)
     keys, found = bow.localize(data.query)

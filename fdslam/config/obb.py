@@ -60,6 +60,6 @@ class Bing(Checked):
 class Obb(Checked):
     """The OBB library: sources joined by +, and their switches."""
 
-    library: str = option("J+B", "parts of the OBB library joined by +, e.g. A+J+B or J+B+BING+YOLO")
+    library: str = option("J+B+BING+YOLO", "parts of the OBB library joined by +, e.g. J+B or A+J+B+YOLO")
     yolo: Yolo = field(default_factory=Yolo)
     bing: Bing = field(default_factory=Bing)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fdslam.config import Config
+from fdslam.finished import signature
 from fdslam.pipeline import Outcome
 from fdslam.progress import worker_count
 from fdslam.provenance import Stopwatch, provenance
@@ -33,7 +34,7 @@ def write_report(outcome: Outcome, config: Config, folder: Path, watch: Stopwatc
         write_atomically(folder / "pairs.csv", pairs_csv(outcome).encode())
     if curves := draw_curves(outcome, config):
         write_atomically(folder / "curves.png", curves)
-    run = provenance(asdict(config), watch, worker_count(config.workers))
+    run = signature(config, outcome.models) | provenance(asdict(config), watch, worker_count(config.workers))
     write_atomically(folder / "run.json", _json(run))
     return table_text(outcome, config)
 

@@ -34,6 +34,8 @@ def differences(method: str, outcome: Outcome, config: Config) -> list[str]:
     if library != BEST_LIBRARY:
         by = "" if "FD" in method.split("+") else "localised by "
         found.append(f"{by}OBBs {config.obb.library}")
+    if "YOLO" in library and not config.obb.yolo.weights:
+        found.append("detector of our own")
     if config.mask.source != "deeplabv3plus":
         found.append("no mask" if config.mask.source == "none" else f"mask {config.mask.source}")
     if "AD" in method.split("+"):

@@ -110,7 +110,7 @@ def by_pair(outcome: Outcome, config: Config) -> Grid:
     return lines
 
 
-def _aligned(grid: Grid, rules: tuple[int, ...]) -> list[str]:
+def aligned(grid: Grid, rules: tuple[int, ...]) -> list[str]:
     """Return a grid as lines of text, with a rule below each of the lines numbered in ``rules``."""
     widths = [max(map(len, column)) for column in zip(*grid, strict=True)]
     lines = []
@@ -122,7 +122,8 @@ def _aligned(grid: Grid, rules: tuple[int, ...]) -> list[str]:
     return lines
 
 
-def _markdown(grid: Grid) -> list[str]:
+def markdown(grid: Grid) -> list[str]:
+    """Return a grid, its first line the head, as lines of Markdown."""
     head, *rest = grid
     lines = [f"| {' | '.join(head)} |", f"|---|{'---:|' * (len(head) - 1)}"]
     return lines + [f"| {' | '.join(cells)} |" for cells in rest]
@@ -132,10 +133,10 @@ def table_text(outcome: Outcome, config: Config) -> str:
     """Return the table for a terminal."""
     lines = summary(outcome, config)
     if outcome.rows:
-        lines += ["", *_aligned(_grid(outcome, config, compact=True), (0, len(config.mix.rows)))]
+        lines += ["", *aligned(_grid(outcome, config, compact=True), (0, len(config.mix.rows)))]
     if outcome.pairs:
         narrow = [line[: 4 + len(config.mix.rows)] for line in by_pair(outcome, config)]  # without the controls
-        lines += ["", *_aligned(narrow, (0,))]
+        lines += ["", *aligned(narrow, (0,))]
     return "\n".join(lines)
 
 
@@ -143,13 +144,13 @@ def table_markdown(outcome: Outcome, config: Config) -> str:
     """Return the table as Markdown."""
     lines = [*(f"{line}  " for line in summary(outcome, config)), ""]
     if outcome.rows:
-        lines += _markdown(_grid(outcome, config, compact=False))
+        lines += markdown(_grid(outcome, config, compact=False))
         lines += [
             "",
             "Beside the paper's Table I (NCLT, % of 986 objects):",
             "",
-            *_markdown(beside_paper(outcome, config)),
+            *markdown(beside_paper(outcome, config)),
         ]
     if outcome.pairs:
-        lines += ["", "By pair of sessions:", "", *_markdown(by_pair(outcome, config))]
+        lines += ["", "By pair of sessions:", "", *markdown(by_pair(outcome, config))]
     return "\n".join(lines) + "\n"

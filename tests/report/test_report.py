@@ -11,7 +11,7 @@ from PIL import Image
 from scipy.stats import rankdata
 
 from experiments.table1.compare import comparison
-from fdslam.config import METHODS, Obb, Report
+from fdslam.config import METHODS, Mask, Obb, Report, Yolo
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
 from fdslam.report import pictures, write_report
@@ -138,8 +138,10 @@ def test_the_paper_stands_beside_with_what_differs(made):
     assert "localised by OBBs J+B" in lines["PC"][3]
     assert "ad." not in lines["FD+PC"][3]
     same = replace(config, obb=Obb("YOLO+J+B+BING"))
-    expected = ["other images", "1 of 12 pairs of sessions", "other annotations", "no mask"]
+    expected = ["other images", "1 of 12 pairs of sessions", "other annotations", "detector of our own", "no mask"]
     assert differences("FD", outcome, same) == expected
+    real = replace(config, obb=Obb("YOLO+J+B+BING", Yolo(weights="real.onnx")), mask=Mask(source="deeplabv3plus"))
+    assert differences("FD", outcome, real) == expected[:3]
     assert "| FD+AD+PC | 2.6 / 20.1 / 34.1 / 42.1 | " in table_markdown(outcome, config)
 
 

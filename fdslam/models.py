@@ -1,0 +1,51 @@
+"""The models of a run, made once: reading them takes a while, and what is wrong with one is told at the start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from fdslam.config import Config
+from fdslam.mask import segmentation
+from fdslam.obb import Library, parse_library
+
+if TYPE_CHECKING:
+    from fdslam.segmentation import Segmentation
+
+
+@dataclass(frozen=True)
+class Models:
+    """The OBB library and the model of the mask."""
+
+    library: Library
+    segmentation: Segmentation | None  # None: the mask needs no model
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What decides their results, JSON-able: settings, and digests of weights."""
+        return {"obb": self.library.identity, "mask": self.segmentation and self.segmentation.identity}
+
+
+def out_of_their_world(config: Config) -> list[str]:
+    """Return the keys of the shipped models that a run would use on images they know nothing of.
+
+    They were trained on the embedded campus alone.
+    """
+    if config.dataset.kind == "campus":
+        return []
+    sources = parse_library(config.obb.library)
+    wanted = {
+        "obb.yolo.weights": "YOLO" in sources and not config.obb.yolo.weights,
+        "obb.bing.filters": "BING" in sources and not config.obb.bing.filters,
+        "mask.weights": config.mask.source == "deeplabv3plus" and not config.mask.weights,
+    }
+    return [key for key, used in wanted.items() if used]
+
+
+def load_models(config: Config) -> Models:
+    """Return the models that a configuration names.
+
+    Raises:
+        InputError: an unknown source of OBBs, or a model that is missing, damaged or not understood.
+    """
+    return Models(Library(config.obb, config.device), segmentation(config.mask, config.device))

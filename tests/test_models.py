@@ -1,0 +1,33 @@
+"""What a run says of its models."""
+
+import pytest
+
+from fdslam.config import Campus, Config, Folder, Mask, Obb, Yolo
+from fdslam.models import load_models, out_of_their_world
+
+PHOTOS = Folder(root="photos")
+
+
+@pytest.mark.parametrize(
+    ("config", "keys"),
+    [
+        (Config(dataset=Campus(), mask=Mask(source="deeplabv3plus")), []),
+        (Config(dataset=PHOTOS), ["obb.yolo.weights", "obb.bing.filters"]),
+        (Config(dataset=PHOTOS, obb=Obb("J+B"), mask=Mask(source="labels")), []),
+        (Config(dataset=PHOTOS, obb=Obb("J+YOLO", Yolo(weights="a.onnx"))), []),
+        (
+            Config(dataset=PHOTOS, obb=Obb("BING"), mask=Mask(source="deeplabv3plus")),
+            ["obb.bing.filters", "mask.weights"],
+        ),
+    ],
+)
+def test_shipped_models_on_other_images_than_the_campus_are_told(config, keys):
+    assert out_of_their_world(config) == keys
+
+
+def test_models_are_told_apart_by_their_weights():
+    config = Config(dataset=Campus(), mask=Mask(source="deeplabv3plus"))
+    identity = load_models(config).identity
+    assert [source["source"] for source in identity["obb"]] == ["J", "B", "BING", "YOLO"]
+    assert all(len(str(one)) > 64 for one in (identity["obb"][3], identity["mask"]))  # digests of their weights
+    assert load_models(Config(dataset=Campus())).identity["mask"] is None
