@@ -172,3 +172,7 @@ class Store:
         """Store the arrays under the key; raises InputError if the disk refuses."""
         arrays = {name: np.asarray(array, order="C") for name, array in arrays.items()}
         write_atomically(self.path(stage, key), save(arrays, metadata={"sha256": _checksum(arrays)}))
+
+    def discard(self, stage: Stage, key: Key) -> None:
+        """Remove an artefact that nobody needs any more, if it is there."""
+        self.path(stage, key).unlink(missing_ok=True)

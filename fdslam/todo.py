@@ -15,6 +15,7 @@ from fdslam.detectors import anomaly, comparison, fault_diagnosis
 from fdslam.hypotheses import hypotheses
 from fdslam.mask import missing_masks
 from fdslam.obb import Library, parse_library
+from fdslam.place_models import untrained
 from fdslam.proposals import Proposals
 from fdslam.store import Key, Store
 from fdslam.types import Dataset
@@ -84,7 +85,7 @@ def remaining(
         bow = mapping.BowMap(one.map, config.bow, library, store, config.workers)
         learn[bow.keys[-1]], lost = bow.missing(one.query)
         context = Context(config, one, store, (), (), ())
-        train[bow.keys[-1]] = anomaly.untrained(context) if "AD" in uses else 0
+        train[bow.keys[-1]] = untrained(context) if "AD" in uses else 0
         counts.update(localise=lost, masks=missing_masks(one, model, store))
         if lost:  # what they will be compared with is not known
             sifts |= every_sift

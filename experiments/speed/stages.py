@@ -15,7 +15,8 @@ import numpy as np
 import torch
 
 from fdslam import config
-from fdslam.autoencoder import fit_place, input_size
+from fdslam.autoencoder.network import input_size
+from fdslam.autoencoder.places import fit_places
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.lists import ranks_of
 from fdslam.bow.orb import extract
@@ -125,7 +126,7 @@ def images(unit: float) -> list[Row]:
     batch = torch.from_numpy(rng.random((16, 3, *size), np.float32))
     one = Autoencoder(epochs=1, folds=2)
     rows.append(
-        ("AE: an epoch of three trainings on 16 images", cpu_seconds(lambda: fit_place(batch, one, 0)), "U", unit)
+        ("AE: an epoch of three trainings on 16 images", cpu_seconds(lambda: fit_places([batch], one, 0)), "U", unit)
     )
     return rows
 

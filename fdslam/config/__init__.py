@@ -2,8 +2,8 @@
 
 ``conf/`` holds the values; this file says which keys exist and what they may be. Hydra merges the two, so an unknown
 key or a wrong type never reaches a stage. A base class (``Orb``, ``Vocabulary``, …) names the fields that one stage
-reads: its artefacts are addressed by those alone. The bag of words, the OBB library and the data sets have files of
-their own.
+reads: its artefacts are addressed by those alone. The bag of words, the OBB library, anomaly detection and the
+data sets have files of their own.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import ClassVar
 
 from hydra.core.config_store import ConfigStore
 
+from fdslam.config.ad import Ad, Autoencoder, Places
 from fdslam.config.bow import Bow, Orb, Retrieval, Vocabulary
 from fdslam.config.dataset import DATASETS, Campus, Dataset, Folder, Nclt, Pairs, Rendering
 from fdslam.config.mask import Mask
@@ -85,42 +86,6 @@ class Pc(Keypoints):
         "cell", "keypoints to cells: the maximum in a cell, or that blurred", choices=("cell", "gaussian")
     )
     spread_sigma: float = option(1.5, "of spread=gaussian, cells", low=0.1, high=20)
-
-
-@dataclass
-class Places(Checked):
-    """Partition of the map images into places (§AD)."""
-
-    k: int = option(10, "number of places and of autoencoders", low=1, high=10_000)
-    places: str = option("appearance", "k-means on what", choices=("appearance", "pose", "time"))
-
-
-@dataclass
-class Autoencoder(Checked):
-    """One convolutional autoencoder and its training."""
-
-    pixels: int = option(
-        12_288, "area of the AE's input; its sides are multiples of 16 at the image's aspect", low=1024, high=1_048_576
-    )
-    channels: int = option(16, "channels of the first block, doubled by each of the four", low=1, high=256)
-    latent: int = option(128, "size of the code", low=1, high=4096)
-    epochs: int = option(60, "most epochs", low=1, high=100_000)
-    patience: int = option(12, "epochs without a better held-out loss before stopping", low=1, high=100_000)
-    batch: int = option(8, "images per step", low=1, high=4096)
-    learning_rate: float = option(2e-3, "of Adam", low=1e-8, high=1)
-    folds: int = option(
-        3, "cross-fitting folds inside a place: they give μ, σ and the number of epochs", low=2, high=100
-    )
-
-
-@dataclass
-class Ad(Places, Autoencoder):
-    """Anomaly detection (§AD)."""
-
-    c: float = option(0.8, "normaliser coefficient of z = (RE - μ) / (c σ)", low=1e-6, high=1e6)
-    hypotheses: str = option(
-        "top1", "the AE of the best hypothesis, or the smallest z over the top Y", choices=("top1", "min")
-    )
 
 
 @dataclass
