@@ -132,7 +132,7 @@ def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outco
             watch.expected = announce(config, sizes, everything(config, sizes), store)
         datasets = load_datasets(config.dataset, store, config.workers)
         for dataset in datasets:
-            _check_truth(config, dataset)
+            check_truth(config, dataset)
         if sizes is None or sizes.missing < sizes.images:
             todo = remaining(config, datasets, models.library, models.segmentation, store)
             watch.expected = announce(config, outline(datasets), todo, store)
@@ -204,7 +204,7 @@ def _over_Y(
     return rows
 
 
-def _check_truth(config: Config, dataset: Dataset) -> None:
+def check_truth(config: Config, dataset: Dataset) -> None:
     """Find at the start, not after an hour, that the configuration wants truth which the data set does not have."""
     if config.evaluation.viewpoint == "true" and dataset.relevant is None:
         raise InputError(

@@ -1,0 +1,79 @@
+"""Write the autoencoders of a map as ONNX models: ``python -m fdslam.export_autoencoders FOLDER KEY=VALUE…``.
+
+The keys are those of ``python -m fdslam.run``. For every pair of sessions FOLDER gets ``place_0.onnx`` and so on (in a
+folder QUERY_MAP each, where there are several pairs) and ``places.csv`` with the place of every map image. What is not
+trained yet is trained first, and stored.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from hydra import compose, initialize_config_dir
+from hydra.errors import HydraException
+from omegaconf.errors import OmegaConfBaseException
+
+from fdslam.config import Config, register
+from fdslam.errors import InputError
+from fdslam.modes import CONF
+from fdslam.run import USAGE_ERROR, check_surroundings, one_line, quote_paths, to_config
+
+
+def export_autoencoders(config: Config, folder: Path) -> list[Path]:
+    """Train, or take from the store, the AEs of every map of a configuration, and write them.
+
+    Returns:
+        The models, in the order of pairs and places.
+
+    Raises:
+        InputError: bad data or configuration, or the extra ``export`` is not installed.
+    """
+    from fdslam.autoencoder.onnx_place import check_export, export_place
+    from fdslam.context import Context
+    from fdslam.data import load_datasets
+    from fdslam.pipeline import check_truth
+    from fdslam.place_models import trained_places
+    from fdslam.progress import single_threaded
+    from fdslam.store import Store, write_atomically
+
+    check_export()
+    single_threaded()
+    store, written = Store(config.store), []
+    datasets = load_datasets(config.dataset, store, config.workers)
+    for data in datasets:
+        check_truth(config, data)
+        found = trained_places(Context(config, data, store, (), (), ()))
+        inner = folder / "_".join(data.pair) if data.pair is not None and len(datasets) > 1 else folder
+        for place, model in enumerate(found.models):
+            written.append(inner / f"place_{place}.onnx")
+            export_place(model, found.size, written[-1])
+        rows = [f"{frame.name},{place}" for frame, place in zip(data.map, found.label.tolist(), strict=True)]
+        write_atomically(inner / "places.csv", "\n".join(["map_file,place", *rows, ""]).encode())
+    return written
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; returns the exit status: 0, or 2 for something the user can mend."""
+    given = sys.argv[1:] if arguments is None else arguments
+    if not given or given[0].startswith("-") or "=" in given[0]:
+        print(__doc__)
+        return 0 if given and given[0] in ("-h", "--help") else USAGE_ERROR
+    register()
+    try:
+        with initialize_config_dir(str(CONF), version_base="1.3"):
+            config = to_config(compose("config", overrides=quote_paths(given[1:])))
+        check_surroundings(config)
+        written = export_autoencoders(config, Path(given[0]))
+    except (HydraException, OmegaConfBaseException) as error:
+        print(f"fdslam: {one_line(error)}", file=sys.stderr)
+        return USAGE_ERROR
+    except InputError as error:
+        print(f"fdslam: {error}", file=sys.stderr)
+        return USAGE_ERROR
+    print(f"{len(written)} models written to {given[0]}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
