@@ -162,12 +162,15 @@ class _Plan:
         seconds = todo.train * (self.read + 0.95 * ad.epochs * (ad.folds + 0.3) * step) + todo.ad * (self.read + 0.02)
         places = len(self.sizes.maps) * ad.k * todo.train / sum(self.sizes.maps)
         weights = ad.latent * ad.channels * ad.pixels / 4 + 1.1e6 * (ad.channels / 16) ** 2  # bytes
+        memory = self.workers * (0.3e9 + 12.0 * ad.pixels * self.longest / ad.k)
+        if ad.together(self.config.device):  # all folds of all places, each with Adam's state and a gradient
+            memory = 0.3e9 + 12.0 * ad.pixels * self.longest * (1 + ad.folds) + 5 * weights * ad.k * ad.folds
         return Line(
             "AD",
             f"AEs for {todo.train:,} map images, {todo.ad:,} queries",
             seconds / self.workers,
             places * weights + todo.ad * self.result,
-            self.kept + self.workers * (0.3e9 + 12.0 * ad.pixels * self.longest / ad.k),
+            self.kept + memory,
         )
 
     def evaluation(self) -> Line:

@@ -81,9 +81,7 @@ def _input_size(context: Context) -> tuple[int, int]:
 
 
 def _together(context: Context) -> bool:
-    """Whether all AEs are trained in one batched pass."""
-    chosen = context.config.ad.train
-    return chosen == "together" or (chosen == "auto" and context.config.device != "cpu")
+    return context.config.ad.together(context.config.device)
 
 
 def _members(context: Context, label: NDArray[np.int64]) -> tuple[list[list[Frame]], list[Key]]:

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from experiments.speed import kernels, localization, stages
+from experiments.speed import autoencoders, kernels, localization, stages
 
 
 def test_localization_writes_the_figures_that_are_promised(monkeypatch, tmp_path, capsys):
@@ -48,3 +48,12 @@ def test_growth_is_none_unless_both_sizes_were_measured():
     assert figures["add_U"] == pytest.approx(1.0)
     assert (figures["verify_speedup"], figures["verify_speedup_own_lists"]) == (64, 10)
     assert localization.figures(0.5, [last], checked)["lists64_growth_250_to_3000"] is None
+
+
+def test_every_way_to_train_autoencoders_has_a_line_and_the_same_loss(monkeypatch, capsys):
+    given = ["--k", "2", "--images", "2", "--epochs", "1", "--channels", "2", "--pixels", "1024", "--turns", "1"]
+    monkeypatch.setattr(sys, "argv", ["autoencoders", *given, "--cores", "1"])
+    autoencoders.main()
+    lines = [line.split("|") for line in capsys.readouterr().out.splitlines() if line.startswith("| 1 |")]
+    assert [line[2].strip() for line in lines] == [*autoencoders.WAYS]
+    assert len({line[7] for line in lines}) == 1

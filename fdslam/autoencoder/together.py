@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
+from torch.optim.adam import adam
 
 from fdslam.autoencoder.augmentation import augment, draw
 from fdslam.autoencoder.checkpoint import Keeper
@@ -69,7 +70,8 @@ class _Fleet:
         self.weights: Stack = {n: torch.stack([s[n] for s in states]).to(device) for n in states[0]}
         self.mean = {n: torch.zeros_like(w) for n, w in self.weights.items()}
         self.square = {n: torch.zeros_like(w) for n, w in self.weights.items()}
-        self.steps = [0] * len(self.numbers)
+        # Of Adam, for each parameter: torch counts the steps of each by itself.
+        self.steps = {n: torch.zeros(len(jobs), device=device) for n in self.weights}
         self.images = [torch.cat([j.images, *([] if j.held is None else [j.held])]) for j in jobs]
         self.first = np.cumsum([0, *map(len, self.images)])  # of each job among all images
         self.pool = torch.cat(self.images).to(device)
@@ -106,19 +108,29 @@ class _Fleet:
 
     @torch.no_grad()
     def _adam(self, gradients: Stack, count: int) -> None:
-        """Follow the gradients of the first ``count`` networks (Kingma and Ba 2015)."""
-        for row in range(count):
-            self.steps[row] += 1
-        steps = torch.tensor(self.steps[:count], dtype=torch.float64)
-        rate = (self.rate / (1 - BETA1**steps)).float().to(self.device)
-        root = (1 - BETA2**steps).sqrt().float().to(self.device)
-        for name, gradient in gradients.items():
-            mean, square = self.mean[name][:count], self.square[name][:count]
-            shape = (count, *[1] * (gradient.ndim - 1))
-            mean.lerp_(gradient, 1 - BETA1)
-            square.mul_(BETA2).addcmul_(gradient, gradient, value=1 - BETA2)
-            scale = square.sqrt().div_(root.view(shape)).add_(EPSILON)
-            self.weights[name][:count].sub_(mean.mul(rate.view(shape)).div_(scale))
+        """Follow the gradients of the first ``count`` networks (Kingma and Ba 2015).
+
+        Every network's share of a stack is a parameter of its own to torch, as networks differ in their steps.
+        """
+        # In the order of the weights in memory: the fused step goes by it alone.
+        gradients = {name: gradient.contiguous() for name, gradient in gradients.items()}
+        rows, names = range(count), [*gradients]
+        adam(
+            [self.weights[name][row] for name in names for row in rows],
+            [gradients[name][row] for name in names for row in rows],
+            [self.mean[name][row] for name in names for row in rows],
+            [self.square[name][row] for name in names for row in rows],
+            [],
+            [self.steps[name][row] for name in names for row in rows],
+            fused=True,
+            amsgrad=False,
+            beta1=BETA1,
+            beta2=BETA2,
+            lr=self.rate,
+            weight_decay=0.0,
+            eps=EPSILON,
+            maximize=False,
+        )
 
     @torch.no_grad()
     def _held_out(self) -> dict[int, Tensor]:
@@ -148,23 +160,26 @@ class _Fleet:
             if row not in going and self.jobs[i].held is None and not self.jobs[i].weights:
                 self.jobs[i].weights = {n: w[row].cpu().numpy().copy() for n, w in self.weights.items()}
         kept = torch.tensor(going, dtype=torch.int64, device=self.device)
-        for stack in (self.weights, self.mean, self.square):
+        for stack in self._stacks().values():
             for name, value in stack.items():
                 stack[name] = value.index_select(0, kept)
-        self.numbers, self.steps = [self.numbers[r] for r in going], [self.steps[r] for r in going]
+        self.numbers = [self.numbers[r] for r in going]
         return True
+
+    def _stacks(self) -> dict[str, Stack]:
+        return {"weights": self.weights, "mean": self.mean, "square": self.square, "steps": self.steps}
 
     def state(self) -> Arrays:
         """Return the stacks, for a checkpoint."""
-        arrays: Arrays = {"numbers": np.array(self.numbers, np.int64), "steps": np.array(self.steps, np.int64)}
-        for part, stack in (("weights", self.weights), ("mean", self.mean), ("square", self.square)):
+        arrays: Arrays = {"numbers": np.array(self.numbers, np.int64)}
+        for part, stack in self._stacks().items():
             arrays |= {f"stack.{part}.{name}": value.cpu().numpy().copy() for name, value in stack.items()}
         return arrays
 
     def restore(self, arrays: Arrays) -> None:
         """Go on from a checkpoint."""
-        self.numbers, self.steps = arrays["numbers"].tolist(), arrays["steps"].tolist()
-        for part, stack in (("weights", self.weights), ("mean", self.mean), ("square", self.square)):
+        self.numbers = arrays["numbers"].tolist()
+        for part, stack in self._stacks().items():
             for name in stack:
                 stack[name] = torch.from_numpy(arrays[f"stack.{part}.{name}"].copy()).to(self.device)
 
@@ -193,10 +208,10 @@ def forward(weights: Stack, images: Tensor) -> Tensor:
     # [n, G·C, h, w]: the channels of all networks side by side.
     features = images.transpose(0, 1).flatten(1, 2).contiguous(memory_format=last)
     for block in range(0, 8, 2):
-        features = F.leaky_relu(convolve(F.conv2d, features, f"encoder.{block}"), SLOPE)
+        features = F.leaky_relu_(convolve(F.conv2d, features, f"encoder.{block}"), SLOPE)
     code = multiply(features.unflatten(1, (groups, -1)).transpose(0, 1).flatten(2), "encode")
     features = multiply(code, "decode").unflatten(2, grid).transpose(0, 1).flatten(1, 2)
     features = features.contiguous(memory_format=last)
     for block in range(1, 9, 2):
-        features = convolve(F.conv_transpose2d, F.leaky_relu(features, SLOPE), f"decoder.{block}")
+        features = convolve(F.conv_transpose2d, F.leaky_relu_(features, SLOPE), f"decoder.{block}")
     return torch.sigmoid(features).unflatten(1, (groups, 3)).transpose(0, 1)

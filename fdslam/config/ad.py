@@ -53,3 +53,7 @@ class Ad(Places, Autoencoder):
     hypotheses: str = option(
         "top1", "the AE of the best hypothesis, or the smallest z over the top Y", choices=("top1", "min")
     )
+
+    def together(self, device: str) -> bool:
+        """Whether all AEs are trained in one batched pass on that device."""
+        return self.train == "together" or (self.train == "auto" and device != "cpu")
