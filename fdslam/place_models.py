@@ -153,8 +153,10 @@ def _train_apart(
     images = prepare((read_image(frame.path) for frame in members[place]), size)
     keeper = Checkpoints(context.store, keys[place])
     [model] = fit_places([images], config.ad, config.seed, config.device, train_apart, keeper)
+    arrays = _pack(model)
+    context.store.put(MODEL, keys[place], arrays)  # before the checkpoints go: a kill between would lose both
     keeper.clear()
-    return _pack(model)
+    return arrays
 
 
 def _train_together(

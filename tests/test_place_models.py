@@ -101,6 +101,16 @@ def test_a_killed_run_goes_on_from_its_checkpoints(data, tmp_path, train, monkey
     assert not [*(tmp_path / "killed" / checkpoint.STAGE.name).rglob("*.safetensors")]
 
 
+def test_the_model_is_stored_before_its_checkpoints_go(data, tmp_path, monkeypatch):
+    stored = []
+    monkeypatch.setattr(
+        checkpoint.Checkpoints, "clear", lambda self: stored.append(self.store.has(MODEL, self.key)), raising=True
+    )
+    trained_places(context_of(data, tmp_path, train="apart"))
+    trained_places(context_of(data, tmp_path, train="together"))
+    assert stored == [True] * 3
+
+
 @pytest.mark.parametrize("hypotheses", ["top1", "min"])
 @pytest.mark.parametrize("region", ["pixel", "obb"])
 @pytest.mark.parametrize("error", ["l1", "ssim", "gradient"])
