@@ -72,7 +72,7 @@ def opencv_sift(context: Context) -> list:
         xy, sifts = described[frame]
         distance = nearest_distance(sifts, [described[data.map[m]][1] for m in top])
         inside = np.clip(np.floor(xy + 0.5), 0, [frame.width - 1, frame.height - 1]).astype(np.float32)
-        maps.append(keypoints_to_cells(inside, distance, frame.height, frame.width, "cell", 1.5))
+        maps.append(keypoints_to_cells(inside, distance, frame.height, frame.width, Pc(spread="cell")))
     return maps
 
 

@@ -19,6 +19,7 @@ from fdslam.config.dataset import DATASETS, Campus, Dataset, Folder, Nclt, Pairs
 from fdslam.config.mask import Mask
 from fdslam.config.obb import Bing, Obb, Yolo
 from fdslam.config.options import Checked, option, part
+from fdslam.config.pc import Keypoints, Pc
 
 __all__ = [
     "METHODS",
@@ -64,28 +65,6 @@ class Fd(Checked):
         choices=("fuse_then_pool", "pool_then_fuse"),
     )
     mean: str = option("harmonic", "of the ranks of the OBBs that contain a pixel", choices=("harmonic", "arithmetic"))
-
-
-@dataclass
-class Keypoints(Checked):
-    """Harris-Laplace keypoints of pairwise comparison."""
-
-    keypoints: int = option(1500, "the strongest keypoints kept per image", low=1, high=100_000)
-    harris_k: float = option(0.04, "k of det - k tr²", low=0, high=0.25)
-    min_side: int = option(720, "upscale images whose shorter side is below this, pixels; 0: never", low=0, high=8192)
-    sigma: float = option(1.5, "the finest integration scale σ_I, pixels of the upscaled image", low=1, high=16)
-    scale_step: float = option(1.4, "ratio of neighbouring scales", low=1.05, high=2)
-    scales: int = option(8, "number of scales, the two outermost only compared with", low=3, high=32)
-
-
-@dataclass
-class Pc(Keypoints):
-    """Pairwise comparison (§PC)."""
-
-    spread: str = option(
-        "cell", "keypoints to cells: the maximum in a cell, or that blurred", choices=("cell", "gaussian")
-    )
-    spread_sigma: float = option(1.5, "of spread=gaussian, cells", low=0.1, high=20)
 
 
 @dataclass

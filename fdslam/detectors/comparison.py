@@ -53,36 +53,46 @@ def nearest_distance(query: NDArray[np.float32], maps: Sequence[NDArray[np.float
 
 
 def keypoints_to_cells(
-    xy: NDArray[np.float32], value: NDArray[np.float32], height: int, width: int, spread: str, sigma: float
+    xy: NDArray[np.float32], value: NDArray[np.float32], height: int, width: int, config: Pc
 ) -> Cells:
-    """Turn values at keypoints into the LoC of cells: the maximum in a cell, 0 where there is no keypoint.
+    """Turn values at keypoints into the LoC of cells.
+
+    - ``spread=cell``: the maximum in a cell, 0 where there is no keypoint.
+    - ``gaussian``: that map blurred, cells outside the image counting as 0.
+    - ``normalised``: the sum of the values in a cell, blurred, over the number of keypoints in it, blurred, plus
+      ``spread_prior``: the mean of the keypoints around, which falls to 0 away from them. Of keypoints that are alike
+      it says the same whether they are many or few; the two above only say where keypoints are.
 
     Args:
         xy: float32 ``[n, 2]`` pixels, inside the image.
         value: float32 ``[n]``, not negative.
         height: of the image, pixels.
         width: of the image, pixels.
-        spread: "cell", or "gaussian": that map blurred, cells outside the image counting as 0.
-        sigma: of the blur, cells.
+        config: ``spread``; of the blur ``spread_sigma``, cells, and ``spread_prior``, keypoints a cell.
 
     Returns:
-        float32 cells.
+        float32 cells; they depend on no order.
 
     Raises:
-        ValueError: ``spread`` is neither, a keypoint is outside the image, or a value is negative or not finite.
+        ValueError: a keypoint is outside the image, or a value is negative or not finite.
 
     Source: the paper's §PC is silent on how keypoints become pixels; the cells are those of its §Performance.
     """
-    if spread not in ("cell", "gaussian"):
-        raise ValueError(f"spread={spread}: choose cell or gaussian")
     if not ((xy >= 0) & (xy < (width, height))).all():
         raise ValueError(f"a keypoint lies outside the image of {width} × {height} pixels")
     if not ((value >= 0) & (value < np.inf)).all():
         raise ValueError("a keypoint's value is negative or not finite")
-    cells = np.zeros(grid_shape(height, width), np.float32)
+    shape = grid_shape(height, width)
     column, row = (xy // CELL).astype(int).T
+    blur = partial(gaussian_filter, sigma=config.spread_sigma, mode="constant")
+    if config.spread == "normalised":
+        cell, rising = row * shape[1] + column, np.argsort(value)  # by value: a sum depends on the order of its terms
+        total = np.bincount(cell[rising], value[rising], math.prod(shape)).reshape(shape)
+        number = np.bincount(cell, minlength=math.prod(shape)).reshape(shape).astype(float)
+        return (blur(total) / (blur(number) + config.spread_prior)).astype(np.float32)
+    cells = np.zeros(shape, np.float32)
     np.maximum.at(cells, (row, column), value)
-    return gaussian_filter(cells, sigma, mode="constant") if spread == "gaussian" else cells
+    return blur(cells) if config.spread == "gaussian" else cells
 
 
 def _blocks(rows: NDArray[np.float32]) -> list[NDArray[np.float32]]:
@@ -143,11 +153,7 @@ def detect(context: Context) -> Detected:
         own = features(frame)
         maps = [features(data.map[m])["sift"].astype(np.float32) for m in context.hypotheses[query]]
         distance = nearest_distance(own["sift"].astype(np.float32), maps)
-        return {
-            "loc": keypoints_to_cells(
-                own["xy"], distance, frame.height, frame.width, config.spread, config.spread_sigma
-            )
-        }
+        return {"loc": keypoints_to_cells(own["xy"], distance, frame.height, frame.width, config)}
 
     keys = _keys(context)
     needed = _needed(context, keys, lambda key: not context.store.has(STAGE, key))

@@ -203,6 +203,18 @@ def blurred(cells: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     return out
 
 
+def cells_normalised(
+    xy: NDArray[np.float32], value: NDArray[np.float32], height: int, width: int, sigma: float, prior: float
+) -> NDArray[np.float64]:
+    """Return at every cell the Gaussian-weighted sum of all keypoints' values over that of their number and a prior."""
+    total = np.zeros((-(-height // CELL), -(-width // CELL)))
+    number = np.zeros_like(total)
+    for (x, y), v in zip(xy.tolist(), value.tolist(), strict=True):
+        total[int(y) // CELL, int(x) // CELL] += v
+        number[int(y) // CELL, int(x) // CELL] += 1
+    return blurred(total, sigma) / (blurred(number, sigma) + prior)
+
+
 # --- anomaly detection ------------------------------------------------------------------------------------------------
 
 
