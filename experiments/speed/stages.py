@@ -23,10 +23,10 @@ from fdslam.bow.orb import extract
 from fdslam.bow.vocabulary import Vocabulary
 from fdslam.config import Autoencoder, Fd, Keypoints, Orb
 from fdslam.data.campus import World
-from fdslam.detectors.comparison import nearest_distance
 from fdslam.detectors.fault_diagnosis import loc_cells
 from fdslam.harris_laplace import harris_laplace, sift
 from fdslam.localization import keypoints_inside, strong_list
+from fdslam.nearest import nearest_distance
 from fdslam.progress import single_threaded
 from tests import reference
 
@@ -110,9 +110,9 @@ def images(unit: float) -> list[Row]:
     rows.append(("Harris-Laplace of a view", cpu_seconds(lambda: harris_laplace(image, Keypoints())), "U", unit))
     rows.append(("SIFT at them", cpu_seconds(lambda: sift(image, keypoints)), "U", unit))
 
-    maps = [rng.integers(0, 256, (1500, 128)).astype(np.float32) for _ in range(10)]
-    stacked = np.concatenate(maps)
-    product = cpu_seconds(lambda: maps[0] @ stacked.T)
+    maps = [rng.integers(0, 256, (1500, 128), dtype=np.uint8) for _ in range(10)]
+    one, stacked = maps[0].astype(np.float32), np.concatenate(maps).astype(np.float32)
+    product = cpu_seconds(lambda: one @ stacked.T)
     rows.append(
         (
             "PC: 1500 SIFT in ten map images",
@@ -124,9 +124,14 @@ def images(unit: float) -> list[Row]:
 
     size = input_size(404, 308, Autoencoder().pixels)
     batch = torch.from_numpy(rng.random((16, 3, *size), np.float32))
-    one = Autoencoder(epochs=1, folds=2)
+    training = Autoencoder(epochs=1, folds=2)
     rows.append(
-        ("AE: an epoch of three trainings on 16 images", cpu_seconds(lambda: fit_places([batch], one, 0)), "U", unit)
+        (
+            "AE: an epoch of three trainings on 16 images",
+            cpu_seconds(lambda: fit_places([batch], training, 0)),
+            "U",
+            unit,
+        )
     )
     return rows
 

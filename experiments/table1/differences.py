@@ -24,12 +24,13 @@ from fdslam.context import Context
 from fdslam.data.folder import read_folder
 from fdslam.data.images import read_image
 from fdslam.detectors import DETECTORS
-from fdslam.detectors.comparison import keypoints_to_cells, nearest_distance
+from fdslam.detectors.comparison import keypoints_to_cells
 from fdslam.detectors.fault_diagnosis import loc_cells
 from fdslam.errors import InputError
 from fdslam.localization import localize
 from fdslam.mapping import BowMap
 from fdslam.metrics import Scene, evaluate
+from fdslam.nearest import nearest_distance
 from fdslam.obb import Library
 from fdslam.progress import single_threaded
 from fdslam.proposals import Proposals
@@ -66,7 +67,7 @@ def opencv_sift(context: Context) -> list:
     described = {}
     for frame in (*data.map, *data.query):
         points, sifts = cv2.SIFT.create(nfeatures=1500).detectAndCompute(read_image(frame.path), None)
-        described[frame] = np.array(cv2.KeyPoint.convert(points)), sifts
+        described[frame] = np.array(cv2.KeyPoint.convert(points)), sifts.astype(np.uint8)
     maps = []
     for frame, top in zip(data.query, context.hypotheses, strict=True):
         xy, sifts = described[frame]

@@ -19,7 +19,7 @@ from fdslam.config.dataset import DATASETS, Campus, Dataset, Folder, Nclt, Pairs
 from fdslam.config.mask import Mask
 from fdslam.config.obb import Bing, Obb, Yolo
 from fdslam.config.options import Checked, option, part
-from fdslam.config.pc import Keypoints, Pc
+from fdslam.config.pc import Comparison, Keypoints, Pc
 
 __all__ = [
     "METHODS",
@@ -28,6 +28,7 @@ __all__ = [
     "Bing",
     "Bow",
     "Campus",
+    "Comparison",
     "Config",
     "Dataset",
     "Evaluation",

@@ -20,8 +20,8 @@ class Keypoints(Checked):
 
 
 @dataclass
-class Pc(Keypoints):
-    """Pairwise comparison (§PC)."""
+class Comparison(Keypoints):
+    """What decides the LoC."""
 
     spread: str = option(
         "cell",
@@ -35,3 +35,10 @@ class Pc(Keypoints):
         low=1e-6,
         high=1e6,
     )
+
+
+@dataclass
+class Pc(Comparison):
+    """Pairwise comparison (§PC)."""
+
+    threads: int = option(1, "threads of one query's comparison. Never changes a result", low=1, high=1024)

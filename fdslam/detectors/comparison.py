@@ -10,50 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from fdslam.config import Keypoints, Pc, part
+from fdslam.config import Comparison, Keypoints, Pc, part
 from fdslam.context import Context, Detected, ensure, load
 from fdslam.data.images import LIBRARIES, enlarge, read_image
 from fdslam.harris_laplace import harris_laplace, sift
+from fdslam.nearest import nearest_distance
 from fdslam.store import Arrays, Key, Stage
 from fdslam.types import CELL, Cells, Frame, grid_shape
 
 FEATURES = Stage("pc_features", ("fdslam.detectors.comparison",), LIBRARIES)
 STAGE = Stage("pc", ("fdslam.detectors.comparison",), ("numpy", "scipy"))
 
-# The distance to a map without features. SIFTs are non-negative with norm 512, each of 128 entries rounded by at most a
-# half: no two are further apart. So a keypoint that nothing could explain is never below one that something could.
-FARTHEST = math.sqrt(2) * (512 + math.sqrt(128) / 2)
-BLOCK = 2048  # descriptors on either side of one matrix product: 16 MB
-
-
-def nearest_distance(query: NDArray[np.float32], maps: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
-    """Return the distance of each query descriptor to its nearest one in any of the map images.
-
-    This is the LoC of a keypoint: the L2 distance to its nearest SIFT, minimum over the Y hypotheses. The matrix
-    product only picks the nearest of a block; its distance is then computed from the difference, as |q|² + |m|² - 2 q·m
-    cancels. With whole numbers, which SIFT's are, the product is exact as well and the result depends on no order.
-
-    Args:
-        query: float32 ``[n, 128]``.
-        maps: of each hypothesis, float32 ``[m_i, 128]``; m_i may be 0.
-
-    Returns:
-        float32 ``[n]``, exactly 0 where the query descriptor is in the map; ``FARTHEST`` if all m_i are 0.
-
-    Source: the paper's §PC.
-    """
-    best = np.full(len(query), np.inf, np.float32)
-    for descriptors in maps:
-        for m in _blocks(descriptors):
-            half = np.einsum("ij,ij->i", m, m) / 2
-            for q, nearest in zip(_blocks(query), _blocks(best), strict=True):
-                winner = np.argmin(half - q @ m.T, axis=1)  # |q|² does not move it
-                np.minimum(nearest, np.linalg.norm(q - m[winner], axis=1), out=nearest)
-    return np.where(np.isinf(best), np.float32(FARTHEST), best)
-
 
 def keypoints_to_cells(
-    xy: NDArray[np.float32], value: NDArray[np.float32], height: int, width: int, config: Pc
+    xy: NDArray[np.float32], value: NDArray[np.float32], height: int, width: int, config: Comparison
 ) -> Cells:
     """Turn values at keypoints into the LoC of cells.
 
@@ -95,11 +65,6 @@ def keypoints_to_cells(
     return blur(cells) if config.spread == "gaussian" else cells
 
 
-def _blocks(rows: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-    """Return views of at most ``BLOCK`` rows each; none if there is no row."""
-    return [rows[i : i + BLOCK] for i in range(0, len(rows), BLOCK)]
-
-
 def features_key(frame: Frame, config: Pc) -> Key:
     """Return the address of a frame's SIFTs."""
     return FEATURES.key(part(config, Keypoints), [frame.digest])
@@ -108,7 +73,9 @@ def features_key(frame: Frame, config: Pc) -> Key:
 def _keys(context: Context) -> list[Key]:
     data, config = context.dataset, context.config.pc
     return [
-        STAGE.key(part(config, Pc), [features_key(one, config) for one in (frame, *(data.map[m] for m in hypotheses))])
+        STAGE.key(
+            part(config, Comparison), [features_key(one, config) for one in (frame, *(data.map[m] for m in hypotheses))]
+        )
         for frame, hypotheses in zip(data.query, context.hypotheses, strict=True)
     ]
 
@@ -151,8 +118,8 @@ def detect(context: Context) -> Detected:
         if not len(context.hypotheses[query]):  # its place is not in the map: nothing to compare with
             return {"loc": np.zeros(grid_shape(frame.height, frame.width), np.float32)}
         own = features(frame)
-        maps = [features(data.map[m])["sift"].astype(np.float32) for m in context.hypotheses[query]]
-        distance = nearest_distance(own["sift"].astype(np.float32), maps)
+        maps = [features(data.map[m])["sift"] for m in context.hypotheses[query]]
+        distance = nearest_distance(own["sift"], maps, config.threads)
         return {"loc": keypoints_to_cells(own["xy"], distance, frame.height, frame.width, config)}
 
     keys = _keys(context)

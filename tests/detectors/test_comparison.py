@@ -1,4 +1,4 @@
-"""Oracle: reference (every pair of descriptors; every cell and keypoint; every pair of cells)."""
+"""Oracle: reference (every cell and keypoint; every pair of cells)."""
 
 import numpy as np
 import pytest
@@ -6,70 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fdslam.config import Pc
-from fdslam.detectors import comparison
-from fdslam.detectors.comparison import FARTHEST, keypoints_to_cells, nearest_distance
+from fdslam.detectors.comparison import keypoints_to_cells
 from tests import reference
-
-
-def descriptors(rng, n):
-    """Like SIFT's: whole numbers, few of them large, norm about 512."""
-    d = rng.exponential(size=(n, 128)) ** 1.5
-    return np.round(512 * d / np.linalg.norm(d, axis=1, keepdims=True)).clip(0, 255).astype(np.float32)
-
-
-@settings(deadline=None, max_examples=25)
-@given(st.integers(0, 2**32 - 1), st.integers(0, 12), st.lists(st.integers(0, 12), max_size=4), st.integers(1, 9))
-def test_nearest_against_all_pairs(seed, n, sizes, block):
-    rng = np.random.default_rng(seed)
-    query, maps = descriptors(rng, n), [descriptors(rng, m) for m in sizes]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(comparison, "BLOCK", block)
-        ours = nearest_distance(query, maps)
-    assert ours.dtype == np.float32
-    assert ours.shape == (n,)
-    oracle = np.array(reference.nearest_distance(query, maps))
-    np.testing.assert_allclose(ours, np.where(np.isinf(oracle), FARTHEST, oracle), rtol=1e-6)
-
-
-def test_fractions_too():
-    rng = np.random.default_rng(0)
-    query, maps = rng.random((40, 128), np.float32), [rng.random((m, 128), np.float32) for m in (30, 1, 0, 60)]
-    np.testing.assert_allclose(nearest_distance(query, maps), reference.nearest_distance(query, maps), rtol=1e-5)
-
-
-def test_the_same_descriptor_is_at_exactly_0():
-    rng = np.random.default_rng(1)
-    query = descriptors(rng, 60)
-    neighbour = query.copy()
-    neighbour[:, 0] += 1  # a distance of 1 beside norms of 512: lost where squares cancel
-    assert (nearest_distance(query, [neighbour]) == 1).all()
-    assert (nearest_distance(query, [neighbour, query[::-1]]) == 0).all()
-    fractions = query / np.float32(3)
-    assert (nearest_distance(fractions, [fractions]) == 0).all()
-
-
-def test_order_never_matters():
-    rng = np.random.default_rng(2)
-    query, maps = descriptors(rng, 300), [descriptors(rng, m) for m in (200, 0, 400, 7)]
-    expected = nearest_distance(query, maps)
-    np.testing.assert_array_equal(nearest_distance(query, maps[::-1]), expected)
-    np.testing.assert_array_equal(nearest_distance(query, [rng.permutation(np.concatenate(maps))]), expected)
-    order = rng.permutation(len(query))
-    np.testing.assert_array_equal(nearest_distance(query[order], maps), expected[order])
-
-
-@pytest.mark.parametrize("maps", [[], [np.empty((0, 128), np.float32)], [np.empty((0, 128), np.float32)] * 3])
-def test_no_map_features(maps):
-    rng = np.random.default_rng(3)
-    query = descriptors(rng, 5)
-    np.testing.assert_array_equal(nearest_distance(query, maps), np.full(5, np.float32(FARTHEST)))
-    assert nearest_distance(query[:0], maps).shape == (0,)
-
-
-def test_nothing_is_farther_than_farthest():
-    a, b = np.zeros((2, 1, 128), np.float32)
-    a[0, :64], b[0, 64:] = 64.5, 64.5  # norm 516, nothing in common: rounded up everywhere
-    assert 724 < nearest_distance(a, [b])[0] <= FARTHEST < 735
 
 
 @settings(deadline=None, max_examples=40)
