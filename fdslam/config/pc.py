@@ -35,6 +35,12 @@ class Comparison(Keypoints):
         low=1e-6,
         high=1e6,
     )
+    descriptors: str = option(
+        "exact",
+        "what is kept of the map's SIFTs: their 128 bytes, or product-quantised codes",
+        choices=("exact", "pq"),
+    )
+    code_bytes: int = option(16, "of descriptors=pq: bytes of a code", choices=(4, 8, 16, 32, 64))
 
 
 @dataclass

@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from fdslam.config import Comparison, Keypoints, Pc, part
-from fdslam.context import Context, Detected, ensure, load
-from fdslam.data.images import LIBRARIES, enlarge, read_image
-from fdslam.harris_laplace import harris_laplace, sift
+from fdslam.config import Comparison, part
+from fdslam.context import Context, Detected, ensure
+from fdslam.map_descriptors import FEATURES, MapDescriptors, extract, features, features_key
 from fdslam.nearest import nearest_distance
 from fdslam.store import Arrays, Key, Stage
 from fdslam.types import CELL, Cells, Frame, grid_shape
 
-FEATURES = Stage("pc_features", ("fdslam.detectors.comparison",), LIBRARIES)
 STAGE = Stage("pc", ("fdslam.detectors.comparison",), ("numpy", "scipy"))
 
 
@@ -65,17 +63,10 @@ def keypoints_to_cells(
     return blur(cells) if config.spread == "gaussian" else cells
 
 
-def features_key(frame: Frame, config: Pc) -> Key:
-    """Return the address of a frame's SIFTs."""
-    return FEATURES.key(part(config, Keypoints), [frame.digest])
-
-
 def _keys(context: Context) -> list[Key]:
-    data, config = context.dataset, context.config.pc
+    data, config, kept = context.dataset, context.config.pc, MapDescriptors(context)
     return [
-        STAGE.key(
-            part(config, Comparison), [features_key(one, config) for one in (frame, *(data.map[m] for m in hypotheses))]
-        )
+        STAGE.key(part(config, Comparison), [features_key(frame, config), *map(kept.key, hypotheses)])
         for frame, hypotheses in zip(data.query, context.hypotheses, strict=True)
     ]
 
@@ -84,7 +75,8 @@ def _needed(context: Context, keys: Sequence[Key], lacks: Callable[[Key], bool])
     """Return the frames whose SIFTs the queries without a result need."""
     data = context.dataset
     queries = [query for query, key in enumerate(keys) if lacks(key)]
-    return [*dict.fromkeys(f for q in queries for f in (data.query[q], *(data.map[m] for m in context.hypotheses[q])))]
+    compared = [f for q in queries for f in (data.query[q], *(data.map[m] for m in context.hypotheses[q]))]
+    return [*dict.fromkeys([*compared, *(MapDescriptors(context).teachers if queries else [])])]
 
 
 def missing(context: Context) -> tuple[int, set[Key]]:
@@ -101,32 +93,22 @@ def detect(context: Context) -> Detected:
     The map images' descriptors are kept for this: it is the one detector that stores features of the map. How much is
     the mean over those that were compared with.
     """
-    data, config = context.dataset, context.config.pc
-    key_of = partial(features_key, config=config)
-
-    def extract(frame: Frame) -> Arrays:
-        image, stretch = enlarge(read_image(frame.path), config.min_side)
-        keypoints = harris_laplace(image, config)
-        xy = np.floor((keypoints.xy + np.float32(0.5)) / stretch)
-        return {"xy": xy, "sift": sift(image, keypoints).astype(np.uint8)}  # whole numbers up to 255
-
-    def features(frame: Frame) -> Arrays:
-        return load(context.store, FEATURES, key_of(frame), partial(extract, frame))
+    data, config, kept = context.dataset, context.config.pc, MapDescriptors(context)
 
     def cells(query: int) -> Arrays:
         frame = data.query[query]
         if not len(context.hypotheses[query]):  # its place is not in the map: nothing to compare with
             return {"loc": np.zeros(grid_shape(frame.height, frame.width), np.float32)}
-        own = features(frame)
-        maps = [features(data.map[m])["sift"] for m in context.hypotheses[query]]
-        distance = nearest_distance(own["sift"], maps, config.threads)
+        own = features(context, frame)
+        distance = nearest_distance(own["sift"], [kept.of(m) for m in context.hypotheses[query]], config.threads)
         return {"loc": keypoints_to_cells(own["xy"], distance, frame.height, frame.width, config)}
 
     keys = _keys(context)
     needed = _needed(context, keys, lambda key: not context.store.has(STAGE, key))
-    jobs = {key_of(frame): partial(extract, frame) for frame in needed}
+    jobs = {features_key(frame, config): partial(extract, frame, config) for frame in needed}
     ensure(context.store, FEATURES, jobs, context.config.workers, "PC features")
+    if kept.coded and needed:
+        _ = kept.codebook  # trained once here, before threads ask for it
     loc = [arrays["loc"] for arrays in context.fetch(STAGE, keys, cells, "PC")]
-    compared = {data.map[m] for hypotheses in context.hypotheses for m in hypotheses}
-    sizes = [sum(array.nbytes for array in features(frame).values()) for frame in compared]
-    return Detected(loc, float(np.mean(sizes)) if sizes else 0.0)
+    compared = sorted({int(m) for hypotheses in context.hypotheses for m in hypotheses})
+    return Detected(loc, kept.kept(compared))
