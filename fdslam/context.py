@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from fdslam.config import Config
 from fdslam.progress import in_parallel, progress
 from fdslam.store import Arrays, Key, Stage, Store
-from fdslam.types import Dataset, Localization
+from fdslam.types import Dataset, Features, Frame, Localization
 
 
 def ensure(store: Store, stage: Stage, jobs: Mapping[Key, Callable[[], Arrays]], workers: int, label: str) -> None:
@@ -36,6 +37,22 @@ def load(store: Store, stage: Stage, key: Key, make: Callable[[], Arrays]) -> Ar
     return arrays
 
 
+class Words(Protocol):
+    """What a map of words knows of keypoints: ``mapping.BowMap``, without its code in every detector's addresses."""
+
+    def keypoints(self, frame: Frame) -> Features:
+        """Return the keypoints of a query."""
+        ...
+
+    def placed_words(self, image: int) -> Features:
+        """Return the words of a map image, where they were seen."""
+        ...
+
+    def kept_places(self) -> float:
+        """Return the bytes per map image of which word was seen where."""
+        ...
+
+
 @dataclass(frozen=True)
 class Context:
     """One run, as far as detectors are concerned."""
@@ -46,6 +63,7 @@ class Context:
     localizations: tuple[Localization, ...]  # per query
     localization_keys: tuple[Key, ...]  # per query, addresses of the above
     hypotheses: tuple[NDArray[np.int64], ...]  # per query up to Y map ids, best first
+    bow: Words | None = None  # for detectors that look at keypoints
 
     def fetch(self, stage: Stage, keys: Sequence[Key], make: Callable[[int], Arrays], label: str) -> list[Arrays]:
         """Return the artefacts of a stage, in the order of ``keys``, making those that are not there yet.

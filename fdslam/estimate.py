@@ -142,8 +142,9 @@ class _Plan:
         )
 
     def fault_diagnosis(self) -> Line:
-        count = self.todo.fd
-        return Line("FD", f"{count:,} queries", 0.006 * count / self.workers, count * self.result, self.kept)
+        count, words = self.todo.fd, self.todo.support
+        seconds = (0.006 * count + 0.15 * words) / self.workers
+        return Line("FD", f"{count:,} queries", seconds, count * self.result + 3e3 * words, self.kept)
 
     def comparison(self) -> Line:
         todo, enlarged = self.todo, self._enlarged(self.config.pc.min_side)

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from fdslam.errors import InputError
 
-RULES = ("harmonic", "reciprocal")
+RULES = ("harmonic", "reciprocal", "stouffer", "fisher")
 CHUNK = 1 << 20  # cells that are fused at a time
 
 
@@ -43,7 +44,12 @@ def fuse(maps: Sequence[Sequence[NDArray[np.floating]]], rule: str) -> list[NDAr
       harmonic mean of its ranks, so one detector that sees no change vetoes.
     - ``reciprocal``: rank 1 is the most likely changed cell and Σ 1/r is the fused LoC: one sure detector is enough.
 
-    The n reciprocals of a cell are summed by size, so the result is the same, to the last bit, for any order of the
+    - ``stouffer``: a detector's p-value for a cell is the share of the pool above it, equal cells and itself counting
+      half; the fused LoC is the sum of the normal deviates of 1 - p. Detectors that agree add up, and neither one that
+      sees nothing nor a sure one decides alone.
+    - ``fisher``: the sum of -ln p, nearer to the sure one.
+
+    The n terms of a cell are summed by size, so the result is the same, to the last bit, for any order of the
     detectors and of the queries.
 
     Args:
@@ -66,12 +72,28 @@ def fuse(maps: Sequence[Sequence[NDArray[np.floating]]], rule: str) -> list[NDAr
         raise InputError("late fusion: the detectors' maps differ in number or shape; use the same queries for all")
     if not shapes:
         return []
-    sign = 1 if rule == "harmonic" else -1
-    ranks = [competition_ranks(sign * np.concatenate([np.ravel(cells) for cells in detector])) for detector in maps]
+    pooled = (np.concatenate([np.ravel(cells) for cells in detector]) for detector in maps)
+    ranks = [_ranks(values, rule) for values in pooled]
     fused = np.empty(len(ranks[0]))
-    for begin in range(0, len(fused), CHUNK):  # or the reciprocals of a large pool would fill the memory
+    for begin in range(0, len(fused), CHUNK):  # or the terms of a large pool would fill the memory
         part = slice(begin, begin + CHUNK)
-        total = sum(np.sort([1 / rank[part] for rank in ranks], axis=0))
+        total = sum(np.sort([_term(rank[part], len(fused), rule) for rank in ranks], axis=0))
         fused[part] = len(maps) / total if rule == "harmonic" else total
     parts = np.split(fused, np.cumsum([rows * cols for rows, cols in shapes])[:-1])
     return [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+
+
+def _ranks(values: NDArray[np.floating], rule: str) -> NDArray[np.integer]:
+    """Return what a rule ranks cells by: ranks from below, from above, or the sum of a group's first and last."""
+    if rule == "harmonic":
+        return competition_ranks(values)
+    above = competition_ranks(-values)
+    return above if rule == "reciprocal" else competition_ranks(values).astype(np.int64) + (len(values) + 1 - above)
+
+
+def _term(rank: NDArray[np.integer], cells: int, rule: str) -> NDArray[np.float64]:
+    """Return what a detector adds to the sum of a cell."""
+    if rule in ("harmonic", "reciprocal"):
+        return 1 / rank
+    below = (rank - 1) / (2 * cells)  # the share of the pool below, equal cells counting half
+    return ndtri(below) if rule == "stouffer" else -np.log1p(-below)

@@ -13,7 +13,7 @@ from fdslam.bow.bag import BagOfWords
 from fdslam.bow.documents import ObbDocuments
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.orb import extract
-from fdslam.bow.vocabulary import Vocabulary, replay
+from fdslam.bow.vocabulary import NO_WORD, Vocabulary, replay
 from fdslam.config import Bow, Orb, Retrieval, part
 from fdslam.config import Vocabulary as Switches
 from fdslam.context import ensure, load
@@ -27,6 +27,7 @@ from fdslam.store import Arrays, Key, Stage, Store
 from fdslam.types import Boxes, Features, Frame, Localization
 
 log = logging.getLogger(__name__)
+PLACED = 12  # bytes of a keypoint of the map: its word, int32, and its place, two float32
 FEATURES = Stage("features", ("fdslam.bow.orb",), LIBRARIES)
 VOCABULARY = Stage("vocabulary", ("fdslam.bow.vocabulary",), ("numpy",))
 WORDS = Stage("words", ("fdslam.bow.vocabulary",), ("numpy",))
@@ -136,6 +137,33 @@ class BowMap:
         if self.config.verify_top:
             kept += sum(f.xy.nbytes + f.descriptors.nbytes for f in map(self.features.load, self.frames))
         return kept / len(self.frames)
+
+    def keypoints(self, frame: Frame) -> Features:
+        """Return the keypoints of a query."""
+        return self.features.load(frame)
+
+    def placed_words(self, image: int) -> Features:
+        """Return the words of a map image, as keypoints with their words' descriptors; those that were dropped are not.
+
+        Nothing of the image itself is needed for it but which words were where.
+        """
+        words = self._held(image)
+        held = words != NO_WORD
+        return Features(self.features.load(self.frames[image]).xy[held], self.bag.vocabulary.descriptors(words[held]))
+
+    def _held(self, image: int) -> NDArray[np.int32]:
+        """Return the word of each keypoint of a map image, NO_WORD where it was dropped."""
+        arrays = self.store.get(VOCABULARY, self.keys[image])
+        if arrays is None:  # removed from the store, or damaged
+            self._learn()
+            arrays = self.store.get(VOCABULARY, self.keys[image])
+            assert arrays is not None
+        return self.bag.vocabulary.held(arrays["words"])
+
+    def kept_places(self) -> float:
+        """Return the bytes per map image of what ``placed_words`` needs beside the map: which words, and where."""
+        count = sum(np.count_nonzero(self._held(image) != NO_WORD) for image in range(len(self.frames)))
+        return PLACED * count / len(self.frames)
 
     def words(self, frame: Frame) -> NDArray[np.int32]:
         """Return the word of every keypoint of a query, int32 [n], NO_WORD where the ratio test fails."""

@@ -60,6 +60,7 @@ class _Located:
     localizations: tuple[Localization, ...]
     keys: tuple[Key, ...]  # per query, addresses of the above
     masks: list[NDArray[np.bool_]] | None
+    bow: BowMap
     kept: float  # bytes of the bag of words per map image
 
 
@@ -152,12 +153,12 @@ def _locate(config: Config, dataset: Dataset, models: Models, store: Store, watc
     with watch.stage("map and localisation"):
         bow = BowMap(dataset.map, config.bow, models.library, store, config.workers)
         keys, localizations = bow.localize(dataset.query)
-        return _Located(dataset, tuple(localizations), tuple(keys), masks, bow.kept())
+        return _Located(dataset, tuple(localizations), tuple(keys), masks, bow, bow.kept())
 
 
 def _see(config: Config, located: _Located, store: Store, watch: Stopwatch) -> _Seen:
     found_at = hypotheses(config.evaluation, located.dataset, located.localizations)
-    context = Context(config, located.dataset, store, located.localizations, located.keys, found_at)
+    context = Context(config, located.dataset, store, located.localizations, located.keys, found_at, located.bow)
     found: dict[str, Maps] = {}
     kept = {"bag of words": located.kept}
     for name in config.mix.detectors:

@@ -36,6 +36,7 @@ class Todo:
     localise: int = 0  # queries
     sift: int = 0  # images without SIFTs; at most so many are compared
     train: int = 0  # map images of places without a trained AE
+    support: int = 0  # queries whose keypoints look for words of the map
     fd: int = 0  # queries that FD looks at, once for each Y
     pc: int = 0  # likewise PC
     ad: int = 0  # likewise AD
@@ -56,6 +57,7 @@ def everything(config: Config, sizes: Outline) -> Todo:
         localise=queries,
         sift=sizes.images if "PC" in uses else 0,
         train=learned if "AD" in uses else 0,
+        support=queries if "FD" in uses and config.fd.support else 0,
         fd=times * queries if "FD" in uses else 0,
         pc=times * queries if "PC" in uses else 0,
         ad=(1 if config.ad.hypotheses == "top1" else times) * queries if "AD" in uses else 0,
@@ -77,7 +79,7 @@ def remaining(
     queries = {frame.digest: frame for one in datasets for frame in one.query}.values()
     frames = {frame.digest: frame for one in datasets for frame in (*one.map, *one.query)}.values()
     features = mapping.FeatureStore(config.bow, store, config.workers)
-    learn, train, sifts = dict[str, int](), dict[str, int](), set[Key]()
+    learn, train, sifts, support = dict[str, int](), dict[str, int](), set[Key](), set[Key]()
     counts = Counter[str](boxes=Proposals(library, store, config.workers).missing([*queries]))
     every_sift = {comparison.features_key(frame, config.pc) for frame in frames}
     times, uses = sorted({*config.evaluation.curve_Y, config.evaluation.Y}), config.mix.detectors
@@ -90,6 +92,7 @@ def remaining(
         if lost:  # what they will be compared with is not known
             sifts |= every_sift
             counts.update(fd=len(times) * len(one.query), pc=len(times) * len(one.query), ad=len(one.query))
+            counts.update(support=len(one.query) if config.fd.support else 0)
             continue
         keys, localizations = bow.localize(one.query)
         for y in times:
@@ -99,7 +102,9 @@ def remaining(
             context = replace(context, hypotheses=found)
             compared, needed = comparison.missing(context) if "PC" in uses else (0, set())
             sifts |= needed
-            counts.update(pc=compared, fd=fault_diagnosis.missing(context))
+            lacking, unsupported = fault_diagnosis.missing(context)
+            support |= unsupported
+            counts.update(pc=compared, fd=lacking)
             if "AD" in uses and (y == config.evaluation.Y or config.ad.hypotheses == "min"):
                 counts.update(ad=anomaly.missing(context))
     return Todo(
@@ -110,6 +115,7 @@ def remaining(
         localise=counts["localise"],
         sift=store.lacks(comparison.FEATURES, sifts) if "PC" in uses else 0,
         train=sum(train.values()),
+        support=counts["support"] + len(support) if "FD" in uses else 0,
         fd=counts["fd"] if "FD" in uses else 0,
         pc=counts["pc"] if "PC" in uses else 0,
         ad=counts["ad"] if "AD" in uses else 0,

@@ -8,6 +8,7 @@ from omegaconf import OmegaConf
 
 from fdslam.config import METHODS, Bow, Campus, Config, Evaluation, Folder, Nclt, Orb, part, register
 from fdslam.errors import InputError
+from fdslam.modes import deviations
 from fdslam.run import CONF, to_config
 
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
@@ -70,6 +71,14 @@ def test_paper_mode_is_the_schema_s_default():
         assert {f.name: getattr(ours, f.name) for f in fields(ours)} == {
             f.name: getattr(default, f.name) for f in fields(default)
         }, group
+
+
+@pytest.mark.parametrize("mode", ["paper", "tuned"])
+def test_a_mode_is_what_its_file_says_whatever_the_groups(mode):
+    config = composed("bow=plain", "pc=gaussian", f"mode={mode}")
+    assert config.mode == mode
+    assert deviations(config) == {}
+    assert deviations(composed(f"mode={mode}", "fd.gate=7")) == {"fd.gate": 7}
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from experiments.table1.campus_as_nclt import write_campus
 from fdslam import estimate as module
-from fdslam.config import Campus, Evaluation, Mix, Nclt, Report
+from fdslam.config import Campus, Evaluation, Fd, Mix, Nclt, Report
 from fdslam.data import ledger, load_datasets, outline, outline_of
 from fdslam.errors import InputError
 from fdslam.estimate import check_room, estimate, warn_of_memory
@@ -95,6 +95,7 @@ def test_another_detector_or_y_on_a_finished_store_is_to_do(done):
     other = replace(config, evaluation=replace(config.evaluation, Y=3, curve_Y=[1]))
     assert todo(other) == NOTHING | {"fd": 2 * queries, "pc": 2 * queries}
     assert todo(replace(config, pc=replace(config.pc, sigma=2.0)))["sift"] > 12
+    assert todo(replace(config, fd=Fd(support=1.0))) == NOTHING | {"fd": queries, "support": queries}
 
 
 def test_lost_results_with_lost_sifts_are_counted_with_them(done, tmp_path):

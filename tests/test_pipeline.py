@@ -12,13 +12,15 @@ from safetensors.numpy import load_file
 
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.vocabulary import Vocabulary
-from fdslam.config import Ad, Bow, Campus, Config, Evaluation, Folder, Mask, Mix, Obb, Report
+from fdslam.config import Ad, Bow, Campus, Config, Evaluation, Fd, Folder, Mask, Mix, Obb, Report
 from fdslam.config import Vocabulary as Switches
 from fdslam.errors import InputError
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
 from fdslam.report.data import table_csv
+from tests import reference
 from tests.data.worlds import small_world, texture, write_csv
+from tests.test_config import composed
 
 QUICK = Ad(k=2, epochs=2, folds=2, channels=4, latent=8, pixels=1024)
 ROWS = ["FD", "PC", "AD", "FD+AD+PC", "FD+AD", "FD+PC"]
@@ -111,6 +113,10 @@ def test_a_second_run_computes_nothing_and_says_the_same(campus):
         ({"mask": Mask("labels")}, set()),
         ({"dataset": Campus(images=56, width=154, height=202, radius=4.0)}, set()),
         ({"obb": Obb("A+J")}, {"localization", "fd", "pc", "ad"}),
+        ({"fd": Fd(gate=2, weights="area")}, {"fd"}),
+        ({"fd": Fd(support=1.0)}, {"fd", "word_support"}),
+        ({"fd": Fd(support=0.5, support_distance=50)}, {"fd"}),
+        ({"mix": Mix(rows=["FD+PC"], rule="stouffer")}, set()),
         ({"ad": replace(QUICK, k=3)}, {"places", "autoencoder", "ad"}),
     ],
 )
@@ -131,6 +137,37 @@ def test_c_is_shared_and_changes_no_figure(campus, c):
     config, outcome = campus
     other = replace(config, ad=replace(QUICK, c=c))
     assert table_csv(run(other, Stopwatch())) == table_csv(outcome)
+
+
+def test_paper_mode_is_the_equation_pixel_by_pixel(campus):
+    config, outcome = campus
+    assert config.fd == Fd() == composed("mode=paper").fd
+    for query in (0, len(outcome.dataset.query) - 1):
+        found, top = outcome.localizations[query], outcome.hypotheses[query]
+        assert len(top) == 10
+        ranks = found.ranks[:, top].tolist()
+        pixels = reference.fault_diagnosis(found.boxes.xyxy, ranks, 202, 154, "min", "fuse_then_pool", "harmonic")
+        expected = reference.cell_maximum(pixels, 10)
+        assert np.allclose(outcome.maps["FD"][query], expected, rtol=1e-6, atol=0)
+
+
+def test_tuned_keeps_no_more_than_words_and_their_places(campus):
+    config, plain = campus
+    tuned = composed("mode=tuned")
+    changed = replace(config, mode="tuned", fd=tuned.fd, pc=tuned.pc, mix=Mix(rows=["FD"], rule=tuned.mix.rule))
+    outcome = run(changed, Stopwatch())
+    placed = 12 * np.mean([len(load_file(p)["words"]) for p in (Path(config.store) / "vocabulary").rglob("*.safe*")])
+    assert outcome.kept == {"bag of words": plain.kept["bag of words"], "FD": pytest.approx(placed)}
+    for cells in outcome.maps["FD"]:
+        assert set(np.unique(cells[cells < 1])) <= {0}
+        assert cells.max() <= 2 + tuned.fd.support
+    assert any((cells == 0).any() for cells in outcome.maps["FD"])
+    alone = replace(changed, workers=1, store=f"{config.store}-tuned")
+    assert table(alone) == table_csv(outcome)
+    files = sorted(Path(alone.store).rglob("*.safetensors"))
+    for path in files[::2]:
+        path.unlink()
+    assert table(alone) == table_csv(outcome)
 
 
 LISTS = {"localization", "fd"}

@@ -44,17 +44,26 @@ def _usac() -> cv2.UsacParams:
     return parameters
 
 
-def agreeing(query: Features, other: Features, least: int) -> NDArray[np.bool_]:
-    """Tell which keypoints of the query agree with the other image, bool [n]; none, if fewer than ``least`` do."""
+def supporting_matches(query: Features, other: Features, least: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the matches of two images that fit one rigid scene; none, if fewer than ``least`` do.
+
+    Returns:
+        Indices of the keypoints of either image, int64 [k] each, the first rising.
+    """
     mine, theirs = correspondences(query, other)
-    result = np.zeros(len(query.xy), bool)
     for find, needed in _MODELS:
         if len(mine) < max(least, needed):
             continue
         mask = _supporters(find, query.xy[mine], other.xy[theirs])
         if np.count_nonzero(mask) >= least:
-            result[mine[mask]] = True
-            break
+            return mine[mask], theirs[mask]
+    return mine[:0], theirs[:0]
+
+
+def agreeing(query: Features, other: Features, least: int) -> NDArray[np.bool_]:
+    """Tell which keypoints of the query agree with the other image, bool [n]; none, if fewer than ``least`` do."""
+    result = np.zeros(len(query.xy), bool)
+    result[supporting_matches(query, other, least)[0]] = True
     return result
 
 

@@ -150,6 +150,19 @@ class Vocabulary:
         names = np.concatenate([self._names, *(one.names for one in self._young), [NO_WORD]])  # rising but for the end
         return np.where(names[np.searchsorted(names[:-1], words)] == words, words, NO_WORD).astype(np.int32)
 
+    def descriptors(self, words: NDArray[np.int32]) -> NDArray[np.uint8]:
+        """Return the descriptors of words (int32 [n], none of them dropped) as uint8 [n, 32]."""
+        if not self.switches.purge:
+            return self.words.rows(words)
+        names = np.concatenate([self._names, *(one.names for one in self._young)])  # rising
+        place = np.searchsorted(names, words)
+        old = place < len(self._names)
+        result = np.empty((len(words), 32), np.uint8)
+        result[old] = self.words.rows(place[old])
+        young = np.concatenate([np.zeros((0, 32), np.uint8), *(one.descriptors for one in self._young)])
+        result[~old] = young[place[~old] - len(self._names)]
+        return result
+
     def arrays(self) -> dict[str, NDArray]:
         """Return everything that is kept, for storage; ``from_arrays`` takes it back."""
         kept = self.words.arrays() | {"names": self._names, "ends": np.array(self._ends, np.int64)}

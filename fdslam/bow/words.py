@@ -103,6 +103,7 @@ class Words:
         self.exact_below, self.depth = exact_below, probes // GROUP
         self._count = 0
         self._pivots: Pivots | None = None
+        self._places: NDArray[np.int64] | None = None  # of the words in the pool, made when they are asked for
         self._clear(1)
 
     def _clear(self, lists: int) -> None:
@@ -134,6 +135,16 @@ class Words:
         words = np.empty((self._count, 32), np.uint8)
         words[ids[ids >= 0]] = hamming.unpack(groups)[ids >= 0]
         return words
+
+    def rows(self, names: NDArray[np.integer]) -> NDArray[np.uint8]:
+        """Return the words of these ids (int [n]), uint8 [n, 32]."""
+        groups, ids = self._in_use()
+        if self._places is None or len(self._places) != self._count:  # ids stay, but their places may have moved
+            places = np.empty(self._count, np.int64)
+            places[ids[ids >= 0]] = np.flatnonzero(ids >= 0)
+            self._places = places
+        group, lane = np.divmod(self._places[names], GROUP)
+        return np.ascontiguousarray(groups.reshape(-1, 4, GROUP)[group, :, lane]).view(np.uint8)
 
     def _in_use(self) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
         """Return groups and ids of the blocks in use, without the room kept for more."""
@@ -187,6 +198,7 @@ class Words:
 
     def _put_in_order(self) -> None:
         """Lay the blocks of a list side by side: the search then reads memory in one direction."""
+        self._places = None
         order = _block_order(self._first, self._following, self._used)
         place = np.full(self._used + 1, -1, np.int32)  # the last one stands for "no block", -1
         place[order] = np.arange(self._used, dtype=np.int32)

@@ -16,6 +16,7 @@ from hydra.core.config_store import ConfigStore
 from fdslam.config.ad import Ad, Autoencoder, Places
 from fdslam.config.bow import Bow, Orb, Retrieval, Vocabulary
 from fdslam.config.dataset import DATASETS, Campus, Dataset, Folder, Nclt, Pairs, Rendering
+from fdslam.config.fd import Fd, Support
 from fdslam.config.mask import Mask
 from fdslam.config.obb import Bing, Obb, Yolo
 from fdslam.config.options import Checked, option, part
@@ -46,6 +47,7 @@ __all__ = [
     "Rendering",
     "Report",
     "Retrieval",
+    "Support",
     "Vocabulary",
     "Yolo",
     "part",
@@ -56,25 +58,14 @@ METHODS = ("FD", "PC", "AD", "FD+AD+PC", "FD+AD", "FD+PC")  # Table I, top to bo
 
 
 @dataclass
-class Fd(Checked):
-    """Fault diagnosis (§FD, Eq. 1)."""
-
-    pooling: str = option("min", "over the top-Y hypotheses", choices=("min", "mean", "max", "median"))
-    order: str = option(
-        "fuse_then_pool",
-        "fuse the OBBs first, or pool the hypotheses first",
-        choices=("fuse_then_pool", "pool_then_fuse"),
-    )
-    mean: str = option("harmonic", "of the ranks of the OBBs that contain a pixel", choices=("harmonic", "arithmetic"))
-
-
-@dataclass
 class Mix(Checked):
     """Which rows the table has and how detectors are fused (§Performance)."""
 
     rows: list[str] = option(["FD", "PC", "AD", "FD+AD+PC"], "rows of the table", choices=METHODS)
     rule: str = option(
-        "harmonic", "Eq. 1 on ascending ranks (b), or the sum of 1 / rank (a)", choices=("harmonic", "reciprocal")
+        "harmonic",
+        "Eq. 1 on ascending ranks (b), the sum of 1 / rank (a), or of the normal scores or logarithms of p-values",
+        choices=("harmonic", "reciprocal", "stouffer", "fisher"),
     )
 
     @property
@@ -118,7 +109,7 @@ class Config(Checked):
     group: ClassVar[str | None] = ""
 
     name: str = option("run", "names the output folder")
-    mode: str = option("paper", "named set of switches", choices=("paper",))
+    mode: str = option("paper", "named set of switches", choices=("paper", "tuned"))
     seed: int = option(
         0, "of everything random: k-means, autoencoders, ties, controls, bootstrap", low=0, high=2**32 - 1
     )

@@ -77,6 +77,20 @@ def test_purge_and_other_places_are_what_the_loops_say(seed, switches):
     assert list(vocabulary.match(query)) == [oracle.match(d) for d in query]
 
 
+@given(st.integers(0, 10_000), SWITCHES, st.sampled_from([20, 100_000]))
+def test_the_descriptors_of_held_words_are_those_they_were_born_with(seed, switches, exact_below):
+    vocabulary, born = with_switches(switches, exact_below), {}
+    for descriptors in images(seed, count=7, each=10):
+        words = vocabulary.learn(descriptors)
+        for word, descriptor in zip(words.tolist(), descriptors.tolist(), strict=True):
+            born.setdefault(word, descriptor)
+        held = np.random.default_rng(seed).permutation(list(born)).astype(np.int32)
+        if switches[2]:  # what is dropped is not asked for
+            held = np.array([w for w in held if vocabulary.held(np.array([w], np.int32))[0] != NO_WORD], np.int32)
+        assert vocabulary.descriptors(held).tolist() == [born[w] for w in held.tolist()]
+    assert vocabulary.descriptors(np.zeros(0, np.int32)).shape == (0, 32)
+
+
 @given(st.integers(0, 10_000), SWITCHES, st.integers(0, 9))
 def test_a_stored_vocabulary_goes_on_as_if_never_stored(seed, switches, count):
     session = images(seed, count=12)

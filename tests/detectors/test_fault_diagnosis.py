@@ -2,16 +2,18 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fdslam.config import Fd
-from fdslam.detectors.fault_diagnosis import loc_cells, loc_pixels
+from fdslam.detectors.fault_diagnosis import PRIOR, loc_cells, loc_pixels, near_keypoints, unsupported, with_support
 from fdslam.types import CELL
 from tests import reference
 
 SWITCHES = list(
-    product(("min", "mean", "max", "median"), ("fuse_then_pool", "pool_then_fuse"), ("harmonic", "arithmetic"))
+    product(
+        ("min", "mean", "max", "median"), ("fuse_then_pool", "pool_then_fuse"), ("harmonic", "arithmetic", "geometric")
+    )
 )
 
 
@@ -25,23 +27,23 @@ def scene(seed, height, width, count=6, hypotheses=4):
 
 
 @pytest.mark.parametrize(("pooling", "order", "mean"), SWITCHES)
-@pytest.mark.parametrize("seed", range(3))
-def test_every_switch_equals_the_loop_over_pixels(pooling, order, mean, seed):
+@pytest.mark.parametrize(("seed", "weights"), [(0, "equal"), (1, "equal"), (2, "area"), (3, "area")])
+def test_every_switch_equals_the_loop_over_pixels(pooling, order, mean, seed, weights):
     height, width = 23, 37
     boxes, ranks = scene(seed, height, width)
-    config = Fd(pooling=pooling, order=order, mean=mean)
-    expected = reference.fault_diagnosis(boxes, ranks, height, width, pooling, order, mean)
+    config = Fd(pooling=pooling, order=order, mean=mean, weights=weights)
+    expected = reference.fault_diagnosis(boxes, ranks, height, width, pooling, order, mean, weights)
     assert np.allclose(loc_pixels(boxes, ranks, height, width, config), expected, rtol=1e-6, atol=0)
     cells = loc_cells(boxes, ranks, height, width, config)
     assert cells.dtype == np.float32
     assert np.allclose(cells, reference.cell_maximum(expected, CELL), rtol=1e-6, atol=0)
 
 
-@given(st.integers(0, 10_000), st.sampled_from(SWITCHES))
-def test_order_of_obbs_changes_nothing(seed, switches):
+@given(st.integers(0, 10_000), st.sampled_from(SWITCHES), st.sampled_from(["equal", "area"]))
+def test_order_of_obbs_changes_nothing(seed, switches, weights):
     boxes, ranks = scene(seed, 40, 50, count=9)
     mixed = np.random.default_rng(seed).permutation(len(boxes))
-    config = Fd(*switches)
+    config = Fd(**dict(zip(("pooling", "order", "mean"), switches, strict=True)), weights=weights)
     plain = loc_cells(boxes, ranks, 40, 50, config)
     assert np.array_equal(plain, loc_cells(boxes[mixed], ranks[mixed], 40, 50, config))
 
@@ -65,3 +67,29 @@ def test_one_wrong_hypothesis_does_not_hide_an_agreement():
     loc = loc_pixels(boxes, ranks, 30, 30, Fd())
     assert loc[0, 0] == pytest.approx(min(2 / (1 / 1 + 1 / 9), 2 / (1 / 4 + 1 / 1)))
     assert loc[0, 20] == 1
+
+
+@given(st.integers(0, 10_000), st.integers(1, 63), st.integers(1, 63), st.integers(0, 12), st.integers(0, 4))
+def test_the_gate_equals_the_loop_over_cells(seed, height, width, count, reach):
+    xy = (np.random.default_rng(seed).random((count, 2)) * (width - 0.01, height - 0.01)).astype(np.float32)
+    found = near_keypoints(xy, height, width, reach)
+    assert np.array_equal(found, reference.near_keypoints(xy, height, width, reach))
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10_000), st.integers(0, 30))
+def test_unsupported_keypoints_are_averaged_as_the_loops_do(seed, count):
+    rng = np.random.default_rng(seed)
+    xy = (rng.random((count, 2)) * (60, 40)).astype(np.float32)
+    bits = rng.integers(0, 258, count)
+    share = unsupported(xy, bits, 40, 60, Fd(support_distance=70, support_sigma=1.2))
+    expected = reference.cells_normalised(xy, (bits > 70).astype(np.float32), 40, 60, 1.2, PRIOR)
+    assert np.allclose(share, expected, rtol=1e-5, atol=1e-6)
+    assert 0 <= share.min() <= share.max() <= 1
+
+
+def test_ranks_and_support_add_up():
+    ranks = np.array([[0, 1, 10, 100]], np.float32)
+    share = np.array([[1, 0, 0.5, 1]], np.float32)
+    assert np.allclose(with_support(ranks, share, 100, Fd(support=2.0)), [[0, 1, 2.5, 4]])
+    assert np.allclose(with_support(ranks[:, :2], share[:, :2], 1, Fd(support=1.0)), [[0, 1]])  # one map image

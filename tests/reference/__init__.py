@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,24 +91,83 @@ def pool(values, how):
     return {"min": min, "max": max, "mean": lambda v: sum(v) / len(v), "median": np.median}[how](values)
 
 
-def mean_rank(values, how):
+def mean_rank(values, how, weights=None):
     if not values:
         return 0.0
-    return len(values) / sum(1 / v for v in values) if how == "harmonic" else sum(values) / len(values)
+    weights = weights or [1] * len(values)
+    if how == "harmonic":
+        return sum(weights) / sum(w / v for w, v in zip(weights, values, strict=True))
+    if how == "geometric":
+        return math.exp(sum(w * math.log(v) for w, v in zip(weights, values, strict=True)) / sum(weights))
+    return sum(w * v for w, v in zip(weights, values, strict=True)) / sum(weights)
 
 
-def fault_diagnosis(boxes, ranks, height, width, pooling, order, mean):
+def fault_diagnosis(boxes, ranks, height, width, pooling, order, mean, weights="equal"):
     """Eq. 1 pixel by pixel: J[p], the mean of the ranks, the pool over the hypotheses."""
     loc = np.zeros((height, width))
     hypotheses = range(np.shape(ranks)[1])
+    area = [max(float(x1 - x0) * float(y1 - y0), CELL**2) for x0, y0, x1, y1 in boxes]
+    weight = [1.0 if weights == "equal" else 1 / one for one in area]
     for y in range(height):
         for x in range(width):
             inside = [j for j, (x0, y0, x1, y1) in enumerate(boxes) if x0 <= x < x1 and y0 <= y < y1]
+            w = [weight[j] for j in inside]
             if order == "fuse_then_pool":
-                loc[y, x] = pool([mean_rank([ranks[j][h] for j in inside], mean) for h in hypotheses], pooling)
+                loc[y, x] = pool([mean_rank([ranks[j][h] for j in inside], mean, w) for h in hypotheses], pooling)
             else:
-                loc[y, x] = mean_rank([pool([ranks[j][h] for h in hypotheses], pooling) for j in inside], mean)
+                loc[y, x] = mean_rank([pool([ranks[j][h] for h in hypotheses], pooling) for j in inside], mean, w)
     return loc
+
+
+def near_keypoints(xy, height, width, reach):
+    """Whether a keypoint's cell is at most ``reach`` rows and columns away, cell by cell."""
+    rows, columns = math.ceil(height / CELL), math.ceil(width / CELL)
+    held = {(int(y) // CELL, int(x) // CELL) for x, y in xy.tolist()}
+    return np.array(
+        [
+            [any(abs(r - i) <= reach and abs(c - j) <= reach for i, j in held) for c in range(columns)]
+            for r in range(rows)
+        ]
+    )
+
+
+def nearest_word(descriptors, at, other_xy, other_descriptors, radius, none):
+    """The distance of each descriptor to the most similar word within the radius of its place."""
+    return [
+        min(
+            (
+                hamming(d, w)
+                for w, xy in zip(other_descriptors, other_xy, strict=True)
+                if math.dist(place, [float(v) for v in xy]) <= radius
+            ),
+            default=none,
+        )
+        for d, place in zip(descriptors, at.tolist(), strict=True)
+    ]
+
+
+def predicted(xy, here, there, side, fewest, steps, scale, stray, near, wide):
+    """The place of every point in the other image: an affine map by normal equations, and averaged residuals."""
+    if len(here) < fewest:
+        return [list(map(float, point)) for point in xy]
+    a = [np.array([float(x), float(y), 1.0]) for x, y in here]
+    b = [np.array([float(x), float(y)]) for x, y in there]
+    weight = [1.0] * len(a)
+    for _ in range(steps):
+        left = sum(w * np.outer(p, p) for w, p in zip(weight, a, strict=True))
+        right = sum(w * np.outer(p, q) for w, p, q in zip(weight, a, b, strict=True))
+        model = np.linalg.solve(left, right)
+        weight = [1 / (1 + float(sum((p @ model - q) ** 2)) / (scale * side) ** 2) for p, q in zip(a, b, strict=True)]
+    moved = [(p[:2], q - p @ model) for p, q in zip(a, b, strict=True)]
+    moved = [(p, r) for p, r in moved if max(abs(r)) <= stray * side]
+    result = []
+    for x, y in xy.tolist():
+        flow = np.zeros(2)
+        for sigma in (wide, near):  # the wide average is the prior of the near one
+            w = [math.exp(-float(sum((p - (x, y)) ** 2)) / (2 * (sigma * side) ** 2)) for p, _ in moved]
+            flow = (sum((v * r for v, (_, r) in zip(w, moved, strict=True)), np.zeros(2)) + flow) / (sum(w) + 1)
+        result.append((np.array([x, y, 1.0]) @ model + flow).tolist())
+    return result
 
 
 def cell_maximum(pixels, cell):
@@ -423,6 +483,10 @@ def fuse(maps, rule):
         if rule == "harmonic":
             ranks = [1 + sum(v < pool[i] for v in pool) for pool in pools]
             fused.append(len(ranks) / sum(Fraction(1, r) for r in ranks))
-        else:
+        elif rule == "reciprocal":
             fused.append(sum(Fraction(1, 1 + sum(v > pool[i] for v in pool)) for pool in pools))
+        else:  # p: the share above, the cell itself and its equals counting half
+            above = [sum(v > pool[i] for v in pool) + sum(v == pool[i] for v in pool) / 2 for pool in pools]
+            p = [count / len(pools[0]) for count in above]
+            fused.append(sum(NormalDist().inv_cdf(1 - one) if rule == "stouffer" else -math.log(one) for one in p))
     return fused

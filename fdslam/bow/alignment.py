@@ -1,0 +1,62 @@
+"""Where the keypoints of one image should be seen in another of the same place, from the matches of the two.
+
+An affine map takes in the change of the viewpoint, and the residuals of the matches around a point its parallax. Away
+from all matches the affine map alone is left. Lengths are shares of the image's side √(height · width).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FEWEST = 6  # matches; with fewer, nothing is known to have moved
+STEPS = 5  # of iteratively reweighted least squares
+SCALE = 0.015  # residual at which a match has half its weight
+STRAY = 0.15  # a match whose residual is larger in x or y is none
+NEAR, WIDE = 0.053, 0.16  # σ of the Gaussians that average residuals; the wide one is the prior of the near one
+
+
+def predicted(
+    xy: NDArray[np.float32], here: NDArray[np.float32], there: NDArray[np.float32], side: float
+) -> NDArray[np.float64]:
+    """Return where points of one image should be seen in another.
+
+    Args:
+        xy: float32 [n, 2] pixels, points of the one image.
+        here: float32 [k, 2] pixels, matched keypoints of the one image.
+        there: float32 [k, 2] pixels, their partners in the other.
+        side: √(height · width) of the image, pixels.
+
+    Returns:
+        float64 [n, 2] pixels; the points themselves where fewer than FEWEST matches are given.
+
+    Source: METHOD's recipe for the compact map, by least squares instead of RANSAC, as the matches are verified.
+    """
+    points: NDArray[np.float64] = xy.astype(np.float64)
+    a, b = here.astype(np.float64), there.astype(np.float64)
+    if len(a) < FEWEST:
+        return points
+    model = _affine(a, b, SCALE * side)
+    residual = b - _with_one(a) @ model
+    kept = np.abs(residual).max(axis=1) <= STRAY * side
+    a, residual = a[kept], residual[kept]
+    squared = ((points[:, None] - a[None]) ** 2).sum(axis=2)
+    wide, near = (np.exp(-squared / (2 * (sigma * side) ** 2)) for sigma in (WIDE, NEAR))
+    prior = wide @ residual / (wide.sum(axis=1, keepdims=True) + 1)
+    flow = (near @ residual + prior) / (near.sum(axis=1, keepdims=True) + 1)
+    return _with_one(points) @ model + flow
+
+
+def _with_one(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
+
+
+def _affine(a: NDArray, b: NDArray, scale: float) -> NDArray[np.float64]:
+    """Return the affine map [3, 2] from a to b, fitted with weights 1 / (1 + (residual / scale)²)."""
+    rows, weight = _with_one(a), np.ones(len(a))
+    model = np.zeros((3, 2))
+    for _ in range(STEPS):
+        root = np.sqrt(weight)[:, None]
+        model = np.linalg.lstsq(rows * root, b * root, rcond=None)[0]
+        weight = 1 / (1 + ((rows @ model - b) ** 2).sum(axis=1) / scale**2)
+    return model

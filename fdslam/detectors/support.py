@@ -1,0 +1,121 @@
+"""Word support: has a keypoint of the query a word of the map at about the place where it should be seen?
+
+An image of the map is known by its words and their places alone. The best hypotheses and their neighbours along the
+path are matched with the query and verified as one rigid scene; those with most agreeing keypoints are aligned with it,
+and each keypoint of the query looks for the word most like it around its predicted place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from fdslam.bow.alignment import predicted
+from fdslam.bow.verification import supporting_matches
+from fdslam.config import Support, part
+from fdslam.context import Context
+from fdslam.store import Arrays, Key, Stage
+from fdslam.types import Features
+
+STAGE = Stage(
+    "word_support",
+    ("fdslam.detectors.support", "fdslam.mapping"),
+    ("opencv-python-headless", "numpy", "scipy"),
+)
+HYPOTHESES, NEIGHBOURS = 3, 1  # the best of the strong list, and images before and after each along the path
+LEAST = 8  # agreeing keypoints that verify an image
+NONE = 257  # bits: no word is there
+
+
+def candidates(hypotheses: Sequence[int] | NDArray[np.integer], images: int) -> list[int]:
+    """Return the map ids that are matched with a query: its best hypotheses and what lies beside them, rising."""
+    near = range(-NEIGHBOURS, NEIGHBOURS + 1)
+    return sorted({int(m) + d for m in hypotheses[:HYPOTHESES] for d in near if 0 <= int(m) + d < images})
+
+
+def nearest_word(
+    descriptors: NDArray[np.uint8], at: NDArray[np.float64], other: Features, radius: float
+) -> NDArray[np.int64]:
+    """Return the distance of each descriptor to the nearest word around its place.
+
+    Args:
+        descriptors: uint8 [n, 32].
+        at: float64 [n, 2] pixels, where each should be seen in the other image.
+        other: the other image's words and where they are.
+        radius: pixels; a word at exactly this distance counts.
+
+    Returns:
+        int64 [n] bits; NONE where no word is around.
+    """
+    best = np.full(len(descriptors), NONE)
+    if not len(descriptors) or not len(other.xy):
+        return best
+    around = cKDTree(other.xy.astype(np.float64)).query_ball_point(at, radius, return_sorted=True)
+    count = np.array([len(one) for one in around])
+    word = np.concatenate([np.array(one, np.int64) for one in around])
+    ours, theirs = (np.ascontiguousarray(rows).view(np.uint64) for rows in (descriptors, other.descriptors))
+    distance = np.bitwise_count(np.repeat(ours, count, axis=0) ^ theirs[word]).sum(axis=1, dtype=np.int64)
+    some = np.flatnonzero(count)
+    if len(some):
+        best[some] = np.minimum.reduceat(distance, (np.cumsum(count) - count)[some])
+    return best
+
+
+def support(
+    query: Features, side: float, images: Sequence[int], words: Callable[[int], Features], config: Support
+) -> NDArray[np.int64]:
+    """Return how far the nearest word is that the map has for each keypoint of a query.
+
+    Args:
+        query: n keypoints.
+        side: √(height · width) of the query, pixels.
+        images: map ids that are matched with it, distinct.
+        words: from a map id to the words of that image and their places.
+        config: how many images are looked at, and how far around the predicted place.
+
+    Returns:
+        int64 [n] bits, the smallest over the images; NONE where there is no word.
+    """
+    matched = []
+    for m in images:
+        other = words(m)
+        mine, theirs = supporting_matches(query, other, LEAST)
+        matched.append((-len(mine), m, mine, theirs, other))
+    best = np.full(len(query.xy), NONE)
+    for _, _, mine, theirs, other in sorted(matched, key=lambda one: one[:2])[: config.support_images]:
+        at = predicted(query.xy, query.xy[mine], other.xy[theirs], side)
+        found = nearest_word(query.descriptors, at, other, config.support_radius / 100 * side)
+        np.minimum(best, found, out=best)
+    return best
+
+
+def _keys(context: Context) -> list[Key]:
+    settings = part(context.config.fd, Support)
+    return [
+        STAGE.key(settings, [key, *map(str, hypotheses[:HYPOTHESES])])
+        for key, hypotheses in zip(context.localization_keys, context.hypotheses, strict=True)
+    ]
+
+
+def missing(context: Context) -> set[Key]:
+    """Return the addresses of the queries' word support that are not stored."""
+    return {key for key in _keys(context) if context.store.lacks(STAGE, [key])}
+
+
+def word_support(context: Context) -> list[NDArray[np.int64]]:
+    """Return for every query how far the nearest word is that the map has for each keypoint, int64 [n] bits."""
+    data, bow = context.dataset, context.bow
+    assert bow is not None  # the pipeline gives it
+
+    def look(query: int) -> Arrays:
+        frame = data.query[query]
+        images = candidates(context.hypotheses[query], len(data.map))
+        side = float(np.sqrt(frame.height * frame.width))
+        distance = support(bow.keypoints(frame), side, images, bow.placed_words, context.config.fd)
+        return {"distance": distance.astype(np.uint16)}
+
+    found = context.fetch(STAGE, _keys(context), look, "word support")
+    return [arrays["distance"].astype(np.int64) for arrays in found]
