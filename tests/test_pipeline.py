@@ -142,13 +142,17 @@ def test_c_is_shared_and_changes_no_figure(campus, c):
 def test_paper_mode_is_the_equation_pixel_by_pixel(campus):
     config, outcome = campus
     assert config.fd == Fd() == composed("mode=paper").fd
+    rows = slice(8, 12)  # of cells: the loop is slow, and a pixel's J[p] does not depend on how many others are visited
     for query in (0, len(outcome.dataset.query) - 1):
         found, top = outcome.localizations[query], outcome.hypotheses[query]
         assert len(top) == 10
-        ranks = found.ranks[:, top].tolist()
-        pixels = reference.fault_diagnosis(found.boxes.xyxy, ranks, 202, 154, "min", "fuse_then_pool", "harmonic")
+        up = found.boxes.xyxy - (0, 80, 0, 80)
+        pixels = reference.fault_diagnosis(
+            up, found.ranks[:, top].tolist(), 40, 154, "min", "fuse_then_pool", "harmonic"
+        )
         expected = reference.cell_maximum(pixels, 10)
-        assert np.allclose(outcome.maps["FD"][query], expected, rtol=1e-6, atol=0)
+        assert len(np.unique(expected)) > 3
+        assert np.allclose(outcome.maps["FD"][query][rows], expected, rtol=1e-6, atol=0)
 
 
 def test_tuned_keeps_no_more_than_words_and_their_places(campus):
@@ -160,8 +164,7 @@ def test_tuned_keeps_no_more_than_words_and_their_places(campus):
     assert outcome.kept == {"bag of words": plain.kept["bag of words"], "FD": pytest.approx(placed)}
     for cells in outcome.maps["FD"]:
         assert set(np.unique(cells[cells < 1])) <= {0}
-        assert cells.max() <= 2 + tuned.fd.support
-    assert any((cells == 0).any() for cells in outcome.maps["FD"])
+        assert 1 < cells.max() <= 2 + tuned.fd.support
     alone = replace(changed, workers=1, store=f"{config.store}-tuned")
     assert table(alone) == table_csv(outcome)
     files = sorted(Path(alone.store).rglob("*.safetensors"))

@@ -97,10 +97,11 @@ def main() -> None:
     parser.add_argument("--bing", default="", help="BING filters; without them the shipped ones")
     parser.add_argument("--store", default="outputs/store")
     parser.add_argument("--part", choices=("fd", "fusion"), default="fd")
+    parser.add_argument("--rows", nargs="*", choices=METHODS, help="of the fusions, instead of all but FD+AD")
     options = parser.parse_args()
     single_threaded()
     obb = Obb("J+B+BING+YOLO", yolo=Yolo(weights=options.yolo), bing=Bing(filters=options.bing))
-    variants, rows = (fd_variants, ["FD"]) if options.part == "fd" else (fusion_variants, FUSED)
+    variants, rows = (fd_variants, ["FD"]) if options.part == "fd" else (fusion_variants, options.rows or FUSED)
     print("| data set | variant | rows | X = 5 / 10 / 15 / 20 % | at 20 % | lc-AUROC | KB / image |", flush=True)
     print("|---|---|---|---|---|---|---:|", flush=True)
     for data in [Folder(root=str(folder)) for folder in options.folders] or [Campus(kind="campus")]:
