@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from experiments.speed import autoencoders, kernels, localization, stages
+from experiments.speed import autoencoders, comparison, kernels, localization, query, stages
 
 
 def test_localization_writes_the_figures_that_are_promised(monkeypatch, tmp_path, capsys):
@@ -57,3 +57,52 @@ def test_every_way_to_train_autoencoders_has_a_line_and_the_same_loss(monkeypatc
     lines = [line.split("|") for line in capsys.readouterr().out.splitlines() if line.startswith("| 1 |")]
     assert [line[2].strip() for line in lines] == [*autoencoders.WAYS]
     assert len({line[7] for line in lines}) == 1
+
+
+def test_comparison_prints_rates_and_ratios(monkeypatch):
+    monkeypatch.setattr(comparison, "HEIGHT", 202)
+    monkeypatch.setattr(comparison, "WIDTH", 154)
+    monkeypatch.setattr(comparison, "cpu_seconds", lambda work, repeat=1: (work(), 2.0)[1])
+    said = []
+    comparison.main(said.append)
+    rows = [line.split(" | ") for line in said[0].splitlines() if line.startswith("| ")]
+    assert [row[0].strip("| ").split(",")[0] for row in rows[1:5]] == [
+        "Harris-Laplace",
+        next(row[0].strip("| ") for row in rows if row[0].startswith("| SIFT")),
+        "of it the pyramid",
+        "nearest of 10 map images",
+    ]
+    assert all(row[4] == "1.00" for row in rows[1:5])  # each took as long as its baseline
+    rates = {row[0].strip("| "): float(row[1].strip("| ")) for row in rows[-3:]}
+    assert rates["nearest_distance"] == rates["the product alone"]
+    assert rates["2048 × 2048 × 2048"] == pytest.approx(2048**3 / 1e9, abs=0.05)
+
+
+def test_a_query_takes_every_stage(tmp_path):
+    robot = query.Robot(tmp_path, 24, 202, 154, 1)
+    watch = query.Watch()
+    one = robot.ask(watch)
+    two = robot.ask(watch, 2)
+    assert [cells.shape for cells in (*one, *two)] == [(21, 16)] * 3
+    assert len({cells.tobytes() for cells in (*one, *two)}) == 3
+    stages_ = {
+        "ORB",
+        "OBBs: BING",
+        "OBBs: YOLO",
+        "words",
+        "weak lists and strong list",
+        "FD",
+        "PC",
+        "AD",
+        "mask",
+        "fusion",
+    }
+    assert watch.seconds.keys() == stages_
+    assert all(len(times) == 2 and min(map(min, times)) >= 0 for times in watch.seconds.values())
+    stored = {folder.name for folder in (tmp_path / "store").iterdir()}
+    assert {"features", "obbs", "words", "localization", "fd", "pc", "ad", "autoencoder", "mask"} <= stored
+    said = []
+    query.remember(robot, 2, said.append)
+    assert said[-1].startswith("| 2 | ")
+    printed = query.table(watch, watch, 2, (0.5, 0.25), 0.125)
+    assert "| decoding its file once | 500.0 | 250.0 | 250.0 | 2.00 |" in printed

@@ -109,21 +109,25 @@ class Robot:
         self.asked += 1
         return self._frame(f"query/{self.asked}", self.views[self.asked % len(self.views)], *self.shape)
 
-    def ask(self, watch: Watch) -> list[np.ndarray]:
-        """Return the fused and masked cells of the next query; ``watch`` measures the stages."""
-        frame, config = self.next(), self.config
+    def ask(self, watch: Watch, together: int = 1) -> list[np.ndarray]:
+        """Return the fused and masked cells of the next queries; ``watch`` measures the stages.
+
+        What a stage reads of the map it reads once for all that are asked together.
+        """
+        frames, config = [self.next() for _ in range(together)], self.config
         with watch.stage("ORB"):
-            self.bow.features.ensure([frame], "")
+            self.bow.features.ensure(frames, "")
         for name, library in self.parts.items():
             with watch.stage(f"OBBs: {name}"):
-                Proposals(library, self.store, 1).ensure([frame], "")
+                Proposals(library, self.store, 1).ensure(frames, "")
         with watch.stage("words"):
-            self.bow.words(frame)
+            for frame in frames:
+                self.bow.words(frame)
         with watch.stage("weak lists and strong list"):
-            keys, found = self.bow.localize([frame])
-        dataset = replace(self.dataset, query=(frame,))
+            keys, found = self.bow.localize(frames)
+        dataset = replace(self.dataset, query=tuple(frames))
         places = hypotheses(config.evaluation, dataset, found)
-        for m in places[0]:  # the map's descriptors, which building it would have left
+        for m in np.unique(np.concatenate(places)):  # the map's descriptors, which building it would have left
             key = comparison.features_key(dataset.map[m], config.pc)
             if not self.store.has(comparison.FEATURES, key):
                 self.store.put(comparison.FEATURES, key, self.sifts[m % len(self.sifts)])
@@ -180,14 +184,19 @@ def quietly(work: Callable[[], object]) -> None:
         work()
 
 
-def table(watch: Watch, decode: tuple[float, float], unit: float) -> str:
+def table(alone: Watch, many: Watch, together: int, decode: tuple[float, float], unit: float) -> str:
     """Return the measurements as Markdown."""
-    rows = watch.medians()
-    total = tuple(sum(column) for column in zip(*rows.values(), strict=True))
-    lines = ["| stage | clock, ms | processor, ms | / U | % |", "|---|---:|---:|---:|---:|"]
-    for name, (clock, processor) in [*rows.items(), ("**one query**", total), ("decoding its file once", decode)]:
-        shown = f"{1000 * clock:.1f} | {1000 * processor:.1f} | {processor / unit:.2f}"
-        lines.append(f"| {name} | {shown} | {100 * processor / total[1]:.0f} |")
+    rows = {
+        name: (*times, many.medians()[name][1] / together, times[1] / unit) for name, times in alone.medians().items()
+    }
+    rows["**one query**"] = tuple(sum(column) for column in zip(*rows.values(), strict=True))
+    rows["decoding its file once"] = (*decode, decode[1], decode[1] / unit)
+    lines = [
+        f"| stage | clock, ms | processor, ms | one of {together} asked together, processor, ms | alone / U |",
+        "|---|---:|---:|---:|---:|",
+    ]
+    for name, (clock, processor, shared, units) in rows.items():
+        lines.append(f"| {name} | {1000 * clock:.1f} | {1000 * processor:.1f} | {1000 * shared:.1f} | {units:.2f} |")
     return "\n".join(lines)
 
 
@@ -195,13 +204,14 @@ def measure(robot: Robot, queries: int, say: Callable[[str], None]) -> None:
     """Print the table."""
     unit = unit_seconds(random_descriptors())
     quietly(lambda: robot.ask(Watch()))  # trains the autoencoders, loads the kernels
-    watch, decoding = Watch(), Watch()
+    alone, many, decoding = Watch(), Watch(), Watch()
     for _ in range(queries):
-        quietly(lambda: robot.ask(watch))
+        quietly(lambda: robot.ask(alone))
         with decoding.stage("decode"):
             read_image(robot.views[0])
+    quietly(lambda: robot.ask(many, queries))
     say(f"U = {1000 * unit:.1f} ms; M = {len(robot.dataset.map)}, medians of {queries} queries\n")
-    say(table(watch, decoding.medians()["decode"], unit))
+    say(table(alone, many, queries, decoding.medians()["decode"], unit))
 
 
 def remember(robot: Robot, queries: int, say: Callable[[str], None]) -> None:
