@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import nn
 
-from experiments.train import deeplabv3plus, export, views, yolo
+from experiments.train import deeplabv3plus, export, masks, views, yolo
 from experiments.train.networks import DeepLabV3Plus, Detector
 from experiments.train.views import CLASSES
 from fdslam.types import LABELS
@@ -24,7 +24,7 @@ def store(tmp_path_factory):
 def test_a_training_ends_and_exports(script, store, capsys, monkeypatch):
     for module in (views, script):
         monkeypatch.setattr(module, "SESSIONS", ("SU", "WI"))
-    rounds = 2
+    rounds = 3 if script is yolo else 2
     arguments = [*SMOKE.split(), "--store", str(store), "--out", str(store), "--epochs", *["1"] * rounds]
     script.main(arguments)
     printed = capsys.readouterr().out
@@ -40,6 +40,16 @@ def test_a_training_ends_and_exports(script, store, capsys, monkeypatch):
     if script is deeplabv3plus:
         script.main([*arguments, "--done", str(rounds)])
         assert path.read_bytes() == before
+
+
+def test_masks_are_counted_in_pixels(monkeypatch):
+    labels = np.zeros((9, 4, 6), np.uint8)  # all sky
+    labels[0, :, :2] = LABELS.index("building")
+    one = views.Views(np.zeros((9, 4, 6, 3), np.uint8), labels, *[np.zeros(0)] * 5)
+    seen = np.full((4, 6), LABELS.index("building"), np.uint8)
+    seen[:, :3] = LABELS.index("ground")  # half of what is seen, a third of which is not there
+    model = type("Model", (), {"labels": lambda self, image: seen})()
+    assert masks.overlap(model, one) == (4 + 12, 24 + 24)  # of the first and the last of nine views
 
 
 def test_networks_say_something_of_every_cell_and_pixel():
