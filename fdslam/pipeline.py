@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +48,6 @@ class Outcome:
     kept: dict[str, float]  # bytes per map image of the bag of words, and what each detector keeps beside it
     pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
     over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
-    models: dict[str, Any] = field(default_factory=dict)  # what tells the models of the run from others
 
 
 @dataclass(frozen=True)
@@ -144,7 +142,7 @@ def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outco
     outcome = _outcome(config, annotated, watch)
     pairs = tuple(_outcome(config, [one], watch) for one in seen) if len(seen) > 1 else ()
     over = _over_Y(config, outcome, [one.located for one in annotated], store, watch)
-    return replace(outcome, pairs=pairs, over_Y=over, models=models.identity)
+    return replace(outcome, pairs=pairs, over_Y=over)
 
 
 def _locate(config: Config, dataset: Dataset, models: Models, store: Store, watch: Stopwatch) -> _Located:

@@ -56,6 +56,11 @@ def _version(name: str) -> str | None:
         return None
 
 
+def versions() -> dict[str, str | None]:
+    """Return the versions of the libraries that decide results; None for one that is absent."""
+    return {name: _version(name) for name in LIBRARIES}
+
+
 def provenance(config: dict[str, Any], watch: Stopwatch, workers: int) -> dict[str, Any]:
     """Return what ``run.json`` holds."""
     return {
@@ -64,7 +69,7 @@ def provenance(config: dict[str, Any], watch: Stopwatch, workers: int) -> dict[s
         "git_commit": git_commit(),
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "versions": {name: _version(name) for name in LIBRARIES},
+        "versions": versions(),
         "threads": {"workers": workers, "per_worker": 1},
         "cores": os.cpu_count(),
         "peak_memory_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),

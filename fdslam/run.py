@@ -27,9 +27,9 @@ from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 from fdslam.config import DATASETS, Checked, Config, register
 from fdslam.errors import InputError
 from fdslam.finished import signature
-from fdslam.modes import CONF
+from fdslam.modes import CONF, overruled
 from fdslam.progress import say
-from fdslam.sweep import note_failure, reused
+from fdslam.sweep import note_failure, reused, unfinish
 
 if TYPE_CHECKING:
     from fdslam.models import Models
@@ -136,10 +136,14 @@ def _job(composed: DictConfig) -> None:
 
 def _run(composed: DictConfig) -> None:
     config = to_config(composed)
+    if line := overruled(config.mode, HydraConfig.get().overrides.task):
+        raise InputError(line)
     models = check_surroundings(config)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    if HydraConfig.get().mode == RunMode.MULTIRUN and reused(folder, config.name, signature(config, models.identity)):
+    made_of = signature(config, models.identity)
+    if HydraConfig.get().mode == RunMode.MULTIRUN and reused(folder, config.name, made_of):
         return
+    unfinish(folder)
     # Only now: torch, OpenCV and the rest take seconds to import.
     from fdslam.pipeline import run
     from fdslam.provenance import Stopwatch
@@ -147,7 +151,7 @@ def _run(composed: DictConfig) -> None:
 
     watch = Stopwatch()
     outcome = run(config, watch, models)
-    print(write_report(outcome, config, folder, watch))
+    print(write_report(outcome, config, folder, watch, made_of))
     print(f"\n{sum(watch.seconds.values()):.1f} s, written to {os.path.relpath(folder)}")
 
 

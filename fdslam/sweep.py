@@ -35,9 +35,13 @@ def reused(folder: Path, name: str, wanted: dict[str, Any]) -> bool:
     if found is None:
         return False
     if found != folder:
+        unfinish(folder)
+        said = (found / "run.json").read_bytes()
         skip = shutil.ignore_patterns("run.json", ERROR)
         shutil.copytree(found, folder, dirs_exist_ok=True, ignore=skip)
-        write_atomically(folder / "run.json", (found / "run.json").read_bytes())  # last: it says that all is there
+        if finished(wanted, [found]) is None:  # another job began to write there
+            return False
+        write_atomically(folder / "run.json", said)  # last: it says that all is there
     (folder / ERROR).unlink(missing_ok=True)
     say(f"finished before, in {found}")
     return True
@@ -72,6 +76,11 @@ class Collector(Callback):
             sys.exit(USAGE_ERROR)
 
 
+def unfinish(folder: Path) -> None:
+    """Take from a folder what says that it holds a finished run: another is about to be written there."""
+    (folder / "run.json").unlink(missing_ok=True)
+
+
 def note_failure(folder: Path, error: InputError) -> None:
     """Leave the line of a job's error in its folder, so that the other jobs of the sweep go on.
 
@@ -79,4 +88,5 @@ def note_failure(folder: Path, error: InputError) -> None:
         folder: of the job.
         error: that ended it.
     """
+    unfinish(folder)
     write_atomically(folder / ERROR, f"{error}\n".encode())

@@ -62,6 +62,10 @@ def command(*arguments, cwd=ROOT, python=sys.executable):
         (["obb.yolo.score=2"], "obb.yolo.score=2.0: out of range"),
         (["+obb.yolo.foo=3"], "unknown key 'obb.yolo.foo'"),
         (["obb.yolo.cuont=3"], "unknown key 'obb.yolo.cuont'; near: obb.yolo.count"),
+        (
+            ["mode=tuned", "pc=gaussian"],
+            "pc=gaussian sets pc.spread=gaussian, but mode=tuned sets normalised; write pc.",
+        ),
         (["device=tpu"], "device=tpu: choose cpu or cuda"),
         (["device=cuda:99"], "device=cuda:99: torch finds"),
         (["hydra.run.dir=/proc/x"], "/proc/x"),

@@ -10,9 +10,11 @@ import pyarrow.parquet
 import pytest
 
 from fdslam.config import Config, Folder
-from fdslam.finished import finished, signature
+from fdslam.errors import InputError
+from fdslam.finished import files, finished, signature
 from fdslam.report.sweep import Job, long_table, short_table, write_sweep
-from fdslam.sweep import reused
+from fdslam.report.sweep_figures import draw
+from fdslam.sweep import note_failure, reused, unfinish
 from tests.data.worlds import small_world
 from tests.test_run import QUICK, command
 
@@ -167,6 +169,63 @@ def test_keys_of_several_kinds_and_undefined_values():
         ["auto", "1", "FD", "–", "–", "–"],
         ["640", "1.5", "FD", "0.2", "0.250", "0.2"],
     ]
+
+
+def test_files_are_watched_through_links_and_home(tmp_path, monkeypatch):
+    root = small_world(tmp_path / "home" / "world")
+    shutil.move(root / "map", tmp_path / "disk")
+    (root / "map").symlink_to(tmp_path / "disk")
+    (root / "query" / "back").symlink_to(root)  # a link that leads back ends nothing
+    (tmp_path / "home" / "world.json").write_text("{}")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    configs = [
+        Folder(root=str(root), annotations="../world.json"),
+        Folder(root="~/world"),
+    ]
+    before = [files(Config(dataset=one)) for one in configs]
+    assert before == [files(Config(dataset=one)) for one in configs]
+    (tmp_path / "disk" / "00.png").write_bytes(b"another image")
+    after = [files(Config(dataset=one)) for one in configs]
+    assert all(a != b for a, b in zip(before, after, strict=True))
+    (tmp_path / "home" / "world.json").write_text("{ }")
+    assert files(Config(dataset=configs[0])) != after[0]
+    assert files(Config(dataset=configs[1])) == after[1]
+
+
+def test_a_folder_that_is_written_to_again_is_not_finished(tmp_path, monkeypatch):
+    wanted = signature(Config(), {})
+    other, new = tmp_path / "0", tmp_path / "1"
+    other.mkdir()
+    (other / "run.json").write_text(json.dumps(wanted))
+    copied = shutil.copytree
+
+    def begun(*arguments, **options):
+        copied(*arguments, **options)
+        unfinish(other)  # as its own job does when it begins
+
+    monkeypatch.setattr("fdslam.sweep.shutil.copytree", begun)
+    assert not reused(new, "run", wanted)
+    assert not (new / "run.json").exists()
+    (new / "run.json").write_text(json.dumps(wanted))
+    note_failure(new, InputError("no"))
+    assert sorted(path.name for path in new.iterdir()) == ["error.txt"]
+
+
+def test_figures_show_every_method_and_leave_out_what_has_no_such_key(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("fdslam.report.sweep.draw", lambda *given: drawn.append(given) or draw(*given))
+    for number, (kind, rows) in enumerate({"campus": ["FD"], "folder": ["FD", "AD"]}.items()):
+        (tmp_path / str(number)).mkdir()
+        data = {"kind": kind} | ({"root": "photos"} if kind == "folder" else {})
+        text = json.dumps({"config": {"dataset": data, "mix": {"rows": rows}}})
+        (tmp_path / str(number) / "run.json").write_text(text)
+        table = _table(0.5)
+        table["rows"] = [{**table["rows"][0], "method": method} for method in rows]
+        (tmp_path / str(number) / "table.json").write_text(json.dumps(table))
+    write_sweep(tmp_path)
+    assert drawn[0][2] == ["FD", "AD"]
+    names = {path.name for path in tmp_path.glob("*.png")}
+    assert names == {"over_X.png", "over_dataset_kind.png", "over_dataset_root.png", "over_mix_rows.png"}
 
 
 @pytest.mark.parametrize("what", ["nothing", "torn table"])

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from fdslam.config import Config
-from fdslam.finished import signature
 from fdslam.pipeline import Outcome
 from fdslam.progress import worker_count
 from fdslam.provenance import Stopwatch, provenance
@@ -20,8 +19,18 @@ from fdslam.report.tables import table_markdown, table_text
 from fdslam.store import write_atomically
 
 
-def write_report(outcome: Outcome, config: Config, folder: Path, watch: Stopwatch) -> str:
-    """Write the table in every form, curves, pictures and ``run.json``; return the table as text."""
+def write_report(
+    outcome: Outcome, config: Config, folder: Path, watch: Stopwatch, made_of: dict[str, Any] | None = None
+) -> str:
+    """Write the table in every form, curves, pictures and, last, ``run.json``; return the table as text.
+
+    Args:
+        outcome: of the run.
+        config: of the run.
+        folder: to write to.
+        watch: of the run.
+        made_of: ``fdslam.finished.signature`` before the run; without it no sweep takes the run for one of its jobs.
+    """
     with watch.stage("pictures"):
         draw_pictures(outcome, config, folder / "pictures")
     seconds = sum(watch.seconds.values())
@@ -34,7 +43,7 @@ def write_report(outcome: Outcome, config: Config, folder: Path, watch: Stopwatc
         write_atomically(folder / "pairs.csv", pairs_csv(outcome).encode())
     if curves := draw_curves(outcome, config):
         write_atomically(folder / "curves.png", curves)
-    run = signature(config, outcome.models) | provenance(asdict(config), watch, worker_count(config.workers))
+    run = (made_of or {}) | provenance(asdict(config), watch, worker_count(config.workers))
     write_atomically(folder / "run.json", _json(run))
     return table_text(outcome, config)
 

@@ -156,6 +156,7 @@ def write_sweep(folder: Path) -> str:
     write_atomically(folder / "sweep.parquet", parquet.getvalue())
     write_atomically(folder / "sweep.csv", text.getvalue())
     write_atomically(folder / "sweep.md", ("\n".join(markdown(short)) + "\n").encode())
-    for name, png in draw(table, list(jobs[0].settings), jobs[0].methods).items():
+    methods = list(dict.fromkeys(method for job in jobs for method in job.methods))
+    for name, png in draw(table, list(jobs[0].settings), methods).items():
         write_atomically(folder / name, png)
     return "\n".join(aligned(short, (0,)))

@@ -71,6 +71,7 @@ def _over_key(table: pa.Table, key: str, methods: Sequence[str]) -> bytes:
         (CONTROLLED, [(m, "all", CONTROLLED, m) for m in methods]),
         ("localisation recall, %", [("localisation", "", name, name) for name in recalls]),
     ]
+    table = table.filter(pc.field(key).is_valid())  # of data sets and options, some have keys that others lack
     found = [(title, [(_of(table, *one[:3]), one[3]) for one in parts]) for title, parts in wanted]
     panels = [(title, kept) for title, parts in found if (kept := [one for one in parts if len(one[0])])]
     values = [value for value in pc.unique(table[key]).to_pylist() if value is not None]
@@ -110,9 +111,8 @@ def _beside_names(axes: Axes, parts: list[tuple[pa.Table, str]], key: str, value
     for i, (part, label) in enumerate(parts):
         places = [values.index(one) + 0.16 * (i - (len(parts) - 1) / 2) for one in part[key].to_pylist()]
         value, low, high = (np.array(part[column].to_pylist()) for column in ("value", "low", "high"))
-        axes.errorbar(
-            value, places, xerr=[value - low, high - value], fmt="none", elinewidth=0.8, ecolor=_style(i)["color"]
-        )
+        span = np.maximum([value - low, high - value], 0)
+        axes.errorbar(value, places, xerr=span, fmt="none", elinewidth=0.8, ecolor=_style(i)["color"])
         axes.plot(value, places, linestyle="none", label=label, **_style(i))
     axes.set_yticks(range(len(values)), [str(one) for one in values] if named else [])
     axes.set_ylim(len(values) - 0.5, -0.5)
