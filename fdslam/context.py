@@ -10,10 +10,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.compact.source import Source
 from fdslam.config import Config
 from fdslam.progress import in_parallel, progress
 from fdslam.store import Arrays, Key, Stage, Store
-from fdslam.types import Dataset, Features, Frame, Localization
+from fdslam.types import Dataset, Features, Frame, Image, Localization
 
 
 def ensure(store: Store, stage: Stage, jobs: Mapping[Key, Callable[[], Arrays]], workers: int, label: str) -> None:
@@ -44,8 +45,33 @@ class Words(Protocol):
         """Return the keypoints of a query."""
         ...
 
+    @property
+    def identity(self) -> str:
+        """Whatever decides the map and how queries are localised in it, as one address."""
+        ...
+
     def placed_words(self, image: int) -> Features:
         """Return the words of a map image, where they were seen."""
+        ...
+
+    def posted(self, image: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """Return which words a map image holds, int32 [n], and where, float32 [n, 2] pixels."""
+        ...
+
+    def descriptors(self, words: NDArray[np.int32]) -> NDArray[np.uint8]:
+        """Return the descriptors of words, uint8 [n, 32]."""
+        ...
+
+    def born(self, image: int) -> tuple[int, int]:
+        """Return the interval of the words that a map image gave the vocabulary."""
+        ...
+
+    def words_without(self, image: int, without: int) -> Features:
+        """Return the words of a map image as they would be without another one."""
+        ...
+
+    def localize_without(self, image: Image, without: int) -> tuple[Features, Localization]:
+        """Localise an image in the map without one of its images."""
         ...
 
     def kept_places(self) -> float:
@@ -64,6 +90,7 @@ class Context:
     localization_keys: tuple[Key, ...]  # per query, addresses of the above
     hypotheses: tuple[NDArray[np.int64], ...]  # per query up to Y map ids, best first
     bow: Words | None = None  # for detectors that look at keypoints
+    looks: Source | None = None  # for those that look at dense descriptors
 
     def fetch(self, stage: Stage, keys: Sequence[Key], make: Callable[[int], Arrays], label: str) -> list[Arrays]:
         """Return the artefacts of a stage, in the order of ``keys``, making those that are not there yet.

@@ -11,12 +11,14 @@ import math
 import os
 import shutil
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
 
-from fdslam.config import Config
+from fdslam.config import COMPACT, Config
 from fdslam.controls import CONTROLS
 from fdslam.data import Outline
 from fdslam.errors import InputError
@@ -117,7 +119,12 @@ class _Plan:
         sets = 2 if {*config.evaluation.curve_Y} - {config.evaluation.Y} else 1  # of LoC, at one Y and at another
         loc = sets * self.cells * sum(8 if name == "AD" else 4 for name in self.names)
         self.kept = LIBRARIES + self.ranks + loc
-        self.detectors = {"FD": self.fault_diagnosis, "PC": self.comparison, "AD": self.anomaly}
+        self.detectors: dict[str, Callable[[], Line]] = {
+            "FD": self.fault_diagnosis,
+            "PC": self.comparison,
+            "AD": self.anomaly,
+        }
+        self.detectors |= {name: partial(self.compact, name) for name in ("CC", "WC", "MW")} | {"EF": self.early}
 
     def data(self) -> Line:
         each = 0.013 + 0.48e-6 * self.pixels if self.config.dataset.kind == "campus" else self.read + 4e-8 * self.pixels
@@ -173,6 +180,25 @@ class _Plan:
             places * weights + todo.ad * self.result,
             self.kept + memory,
         )
+
+    def compact(self, name: str) -> Line:
+        todo = self.todo
+        if name != next(one for one in self.names if one in COMPACT):  # the first has found what all of them need
+            return Line(name, f"{self.queries:,} queries", 0.0, 0.0, self.kept)
+        seconds = todo.looks * (self.read + 0.03) + todo.evidence * 0.16
+        disk = 1000 * self.config.compact.kilobytes * todo.looks + 7 * self.result * todo.evidence
+        what = f"looks of {todo.looks:,} images, {todo.evidence:,} queries"
+        return Line(name, what, seconds / self.workers, disk, self.kept + 7 * self.result * self.queries)
+
+    def early(self) -> Line:
+        todo = self.todo
+        alone = [one for one in self.names if one in COMPACT] == ["EF"]
+        first = self.compact("EF") if alone else Line("EF", "", 0.0, 0.0, self.kept)
+        rows = 128.0 * self.result / 4.2  # bytes of an image's features
+        seconds = todo.pretend * (self.read + 0.45) / self.workers + 0.06 * todo.pretend + 0.02 * self.queries
+        what = f"{todo.pretend:,} made-up changes, {self.queries:,} queries"
+        memory = first.memory + 3 * rows * todo.pretend
+        return Line("EF", what, first.seconds + seconds, first.disk + rows * todo.pretend, memory)
 
     def evaluation(self) -> Line:
         methods, measured = len(self.config.mix.rows), self.config.evaluation

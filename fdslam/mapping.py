@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -24,7 +25,7 @@ from fdslam.obb import Library
 from fdslam.progress import progress
 from fdslam.proposals import Proposals
 from fdslam.store import Arrays, Key, Stage, Store
-from fdslam.types import Boxes, Features, Frame, Localization
+from fdslam.types import Boxes, Features, Frame, Image, Localization
 
 log = logging.getLogger(__name__)
 PLACED = 12  # bytes of a keypoint of the map: its word, int32, and its place, two float32
@@ -60,6 +61,18 @@ class FeatureStore:
         return Features(**load(self.store, FEATURES, self.key(frame), partial(_extract, frame, self.config)))
 
 
+@dataclass(frozen=True)
+class _Without:
+    """A map's scores for all images but one."""
+
+    bag: BagOfWords
+    image: int
+
+    def scores(self, words: NDArray[np.int32], inside: NDArray[np.bool_], score: str) -> NDArray[np.int64]:
+        """Return s_j(m) of the other images, int64 [J, M - 1]."""
+        return np.delete(self.bag.scores(words, inside, score), self.image, axis=1)
+
+
 class BowMap:
     """A bag-of-words map that grows image by image: what its first images give is stored and reused by longer maps."""
 
@@ -84,6 +97,12 @@ class BowMap:
                 log.warning("%s: it is made again", error)
         self._learn().save(path)
         return BagOfWords.load(path)
+
+    @property
+    def identity(self) -> str:
+        """Whatever decides the map and how queries are localised in it, as one address."""
+        settings = {**part(self.config, Bow), "library": self.library.identity}
+        return LOCALIZATION.key(settings, self.keys[-1:])
 
     def missing(self, queries: Sequence[Frame]) -> tuple[int, int]:
         """Count the map images that are not learned, and the queries that are not localised, by their files alone."""
@@ -147,9 +166,54 @@ class BowMap:
 
         Nothing of the image itself is needed for it but which words were where.
         """
+        words, xy = self.posted(image)
+        return Features(xy, self.descriptors(words))
+
+    def posted(self, image: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """Return which words a map image holds, int32 [n] without those that were dropped, and where, [n, 2] pixels."""
         words = self._held(image)
         held = words != NO_WORD
-        return Features(self.features.load(self.frames[image]).xy[held], self.bag.vocabulary.descriptors(words[held]))
+        return words[held], self.features.load(self.frames[image]).xy[held]
+
+    def descriptors(self, words: NDArray[np.int32]) -> NDArray[np.uint8]:
+        """Return the descriptors of words, uint8 [n, 32]."""
+        return self.bag.vocabulary.descriptors(words)
+
+    def born(self, image: int) -> tuple[int, int]:
+        """Return the words that a map image gave the vocabulary: the first id, and the one after the last."""
+        return self.bag.vocabulary.born(image)
+
+    def words_without(self, image: int, without: int) -> Features:
+        """Return the words of a map image as they would be in a map without another one: for training alone.
+
+        Where the word came from that other image, the keypoint is its own word: its descriptor is this image's own.
+        """
+        words = self._held(image)
+        held = words != NO_WORD
+        begin, end = self.born(without)
+        own = self.features.load(self.frames[image])
+        taken = ((begin <= words) & (words < end))[held]
+        descriptors = np.where(taken[:, None], own.descriptors[held], self.descriptors(words[held]))
+        return Features(own.xy[held], descriptors)
+
+    def localize_without(self, image: Image, without: int) -> tuple[Features, Localization]:
+        """Localise an image (uint8 RGB [H, W, 3]) in the map without one of its images, nor the words that it gave.
+
+        Map ids are those of the whole map, and the one left out is in no list; idf is that of the whole map.
+        """
+        query = extract(image, self.config)
+        words = self.bag.vocabulary.match(query.descriptors, leave=self.born(without))
+        kept = np.delete(np.arange(len(self.frames)), without)
+        found = localize(
+            _Without(self.bag, without),
+            self.library.boxes(image),
+            query,
+            words,
+            self.config,
+            lambda m: self._map_features(int(kept[m])),
+        )
+        ranks = np.insert(found.ranks, without, len(self.frames), axis=1)  # the last of all
+        return query, replace(found, ranks=ranks, strong=kept[found.strong].astype(np.int32))
 
     def _held(self, image: int) -> NDArray[np.int32]:
         """Return the word of each keypoint of a map image, NO_WORD where it was dropped."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fdslam.config import Config
+from fdslam.compact.source import Source
+from fdslam.compact.sources import load_source
+from fdslam.config import COMPACT, Config
 from fdslam.mask import segmentation
 from fdslam.obb import Library, parse_library
 
@@ -19,11 +21,16 @@ class Models:
 
     library: Library
     segmentation: Segmentation | None  # None: the mask needs no model
+    looks: Source | None  # of dense descriptors; None: no detector needs them
 
     @property
     def identity(self) -> dict[str, Any]:
         """What decides their results, JSON-able: settings, and digests of weights."""
-        return {"obb": self.library.identity, "mask": self.segmentation and self.segmentation.identity}
+        return {
+            "obb": self.library.identity,
+            "mask": self.segmentation and self.segmentation.identity,
+            "looks": self.looks and self.looks.identity,
+        }
 
 
 def out_of_their_world(config: Config) -> list[str]:
@@ -48,4 +55,5 @@ def load_models(config: Config) -> Models:
     Raises:
         InputError: an unknown source of OBBs, or a model that is missing, damaged or not understood.
     """
-    return Models(Library(config.obb, config.device), segmentation(config.mask, config.device))
+    looks = load_source(config) if {*COMPACT} & {*config.mix.detectors} else None
+    return Models(Library(config.obb, config.device), segmentation(config.mask, config.device), looks)

@@ -42,6 +42,7 @@ class Model:
     """A model with one image as input. Threads may share it."""
 
     where: str  # key and path, for messages
+    path: Path
     digest: str  # sha256 of the file
     session: onnxruntime.InferenceSession
     provider: str  # where it runs, e.g. "CPUExecutionProvider"
@@ -105,10 +106,14 @@ class Model:
         Raises:
             InputError: the model does not run on an image of that size.
         """
+        return self.run_part(self.session, image)
+
+    def run_part(self, session: onnxruntime.InferenceSession, image: NDArray[np.float32]) -> list[NDArray]:
+        """Return every output of a session of a part of this model that takes the same input; else as ``run``."""
         tensor = image.transpose(2, 0, 1) if self.planar else image
         fed: NDArray = np.ascontiguousarray(tensor[None], dtype=self.dtype)
         try:
-            return [np.asarray(value) for value in self.session.run(None, {self.input: fed})]
+            return [np.asarray(value) for value in session.run(None, {self.input: fed})]
         except Exception as error:  # onnxruntime's errors have no base class of their own
             size = f"{image.shape[0]}×{image.shape[1]}"
             raise InputError(f"{self.where}: does not run on one image of {size} pixels ({_line(error)})") from error
@@ -136,7 +141,7 @@ def load_model(path: str | Path, key: str, way_out: str, threads: int = 1, devic
     with _lock:  # two threads would make two sessions
         made = f"{key}={file}", digest, threads, provider
         if made not in _loaded:
-            _loaded[made] = _model(made[0], digest, _session(made[0], data, threads, provider))
+            _loaded[made] = _model(made[0], file, digest, make_session(made[0], data, threads, provider))
         return _loaded[made]
 
 
@@ -178,7 +183,18 @@ def _provider(device: str) -> str:
     return "CPUExecutionProvider"
 
 
-def _session(where: str, data: bytes, threads: int, provider: str) -> onnxruntime.InferenceSession:
+def make_session(where: str, data: bytes, threads: int, provider: str) -> onnxruntime.InferenceSession:
+    """Return a session of an ONNX model.
+
+    Args:
+        where: names the model in messages.
+        data: the model.
+        threads: of one inference.
+        provider: where it runs.
+
+    Raises:
+        InputError: it is not a whole model.
+    """
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
@@ -196,7 +212,7 @@ def _line(error: Exception) -> str:
     return " ".join(str(error).rpartition(" : ")[2].split())[:200]
 
 
-def _model(where: str, digest: str, session: onnxruntime.InferenceSession) -> Model:
+def _model(where: str, path: Path, digest: str, session: onnxruntime.InferenceSession) -> Model:
     inputs = session.get_inputs()
     if len(inputs) != 1:
         names = ", ".join(one.name for one in inputs)
@@ -211,6 +227,7 @@ def _model(where: str, digest: str, session: onnxruntime.InferenceSession) -> Mo
     height, width = (size if isinstance(size, int) else None for size in shape[2 if colours == 1 else 1 :][:2])
     return Model(
         where,
+        path,
         digest,
         session,
         session.get_providers()[0],

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.compact.source import Source
 from fdslam.config import Config
 from fdslam.context import Context
 from fdslam.controls import CONTROLS, control, objectness
@@ -60,6 +61,7 @@ class _Located:
     masks: list[NDArray[np.bool_]] | None
     bow: BowMap
     kept: float  # bytes of the bag of words per map image
+    looks: Source | None  # of dense descriptors
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outco
         for dataset in datasets:
             check_truth(config, dataset)
         if sizes is None or sizes.missing < sizes.images:
-            todo = remaining(config, datasets, models.library, models.segmentation, store)
+            todo = remaining(config, datasets, models.library, models.segmentation, store, models.looks)
             watch.expected = announce(config, outline(datasets), todo, store)
     located = [_locate(config, dataset, models, store, watch) for dataset in datasets]
     seen = [_see(config, one, store, watch) for one in located]
@@ -151,12 +153,14 @@ def _locate(config: Config, dataset: Dataset, models: Models, store: Store, watc
     with watch.stage("map and localisation"):
         bow = BowMap(dataset.map, config.bow, models.library, store, config.workers)
         keys, localizations = bow.localize(dataset.query)
-        return _Located(dataset, tuple(localizations), tuple(keys), masks, bow, bow.kept())
+        return _Located(dataset, tuple(localizations), tuple(keys), masks, bow, bow.kept(), models.looks)
 
 
 def _see(config: Config, located: _Located, store: Store, watch: Stopwatch) -> _Seen:
     found_at = hypotheses(config.evaluation, located.dataset, located.localizations)
-    context = Context(config, located.dataset, store, located.localizations, located.keys, found_at, located.bow)
+    context = Context(
+        config, located.dataset, store, located.localizations, located.keys, found_at, located.bow, located.looks
+    )
     found: dict[str, Maps] = {}
     kept = {"bag of words": located.kept}
     for name in config.mix.detectors:

@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from fdslam import mapping
-from fdslam.config import Config
+from fdslam.compact.source import Source
+from fdslam.compact.training import made_up
+from fdslam.config import COMPACT, Config
 from fdslam.context import Context
 from fdslam.data import Outline
-from fdslam.detectors import anomaly, comparison, fault_diagnosis
+from fdslam.detectors import anomaly, compact, comparison, early, fault_diagnosis
 from fdslam.hypotheses import hypotheses
 from fdslam.mask import missing_masks
 from fdslam.obb import Library, parse_library
@@ -40,6 +42,9 @@ class Todo:
     fd: int = 0  # queries that FD looks at, once for each Y
     pc: int = 0  # likewise PC
     ad: int = 0  # likewise AD
+    looks: int = 0  # images without dense descriptors
+    evidence: int = 0  # queries that the compact map is asked about, once for each Y
+    pretend: int = 0  # map images in which changes are still to be made up
 
 
 def everything(config: Config, sizes: Outline) -> Todo:
@@ -61,11 +66,19 @@ def everything(config: Config, sizes: Outline) -> Todo:
         fd=times * queries if "FD" in uses else 0,
         pc=times * queries if "PC" in uses else 0,
         ad=(1 if config.ad.hypotheses == "top1" else times) * queries if "AD" in uses else 0,
+        looks=sizes.images if {*COMPACT} & {*uses} else 0,
+        evidence=queries if {*COMPACT} & {*uses} else 0,
+        pretend=sum(made_up(config.early, count) for count in sizes.maps) if "EF" in uses else 0,
     )
 
 
 def remaining(
-    config: Config, datasets: Sequence[Dataset], library: Library, model: Segmentation | None, store: Store
+    config: Config,
+    datasets: Sequence[Dataset],
+    library: Library,
+    model: Segmentation | None,
+    store: Store,
+    source: Source | None = None,
 ) -> Todo:
     """Return what is not stored yet of a run on loaded data sets; of what is stored hardly more than names is read.
 
@@ -75,24 +88,29 @@ def remaining(
         library: its sources of OBBs.
         model: of its mask, if that needs one.
         store: where results are looked for.
+        source: of dense descriptors, if a detector needs them.
     """
     queries = {frame.digest: frame for one in datasets for frame in one.query}.values()
     frames = {frame.digest: frame for one in datasets for frame in (*one.map, *one.query)}.values()
     features = mapping.FeatureStore(config.bow, store, config.workers)
     learn, train, sifts, support = dict[str, int](), dict[str, int](), set[Key](), set[Key]()
+    looks, pretend = set[Key](), 0
     counts = Counter[str](boxes=Proposals(library, store, config.workers).missing([*queries]))
     every_sift = {comparison.features_key(frame, config.pc) for frame in frames}
     times, uses = sorted({*config.evaluation.curve_Y, config.evaluation.Y}), config.mix.detectors
     for one in datasets:
         bow = mapping.BowMap(one.map, config.bow, library, store, config.workers)
         learn[bow.keys[-1]], lost = bow.missing(one.query)
-        context = Context(config, one, store, (), (), ())
+        context = Context(config, one, store, (), (), (), bow, source)
+        if source is not None:
+            looks |= compact.missing_looks(context)
+        pretend += early.missing(context) if "EF" in uses else 0
         train[bow.keys[-1]] = untrained(context) if "AD" in uses else 0
         counts.update(localise=lost, masks=missing_masks(one, model, store))
         if lost:  # what they will be compared with is not known
             sifts |= every_sift
             counts.update(fd=len(times) * len(one.query), pc=len(times) * len(one.query), ad=len(one.query))
-            counts.update(support=len(one.query) if config.fd.support else 0)
+            counts.update(support=len(one.query) if config.fd.support else 0, evidence=len(one.query))
             continue
         keys, localizations = bow.localize(one.query)
         for y in times:
@@ -105,6 +123,10 @@ def remaining(
             lacking, unsupported = fault_diagnosis.missing(context)
             support |= unsupported
             counts.update(pc=compared, fd=lacking)
+            if (
+                source is not None and y == config.evaluation.Y
+            ):  # it looks at the same images for any Y but the smallest
+                counts.update(evidence=compact.missing(context))
             if "AD" in uses and (y == config.evaluation.Y or config.ad.hypotheses == "min"):
                 counts.update(ad=anomaly.missing(context))
     return Todo(
@@ -119,4 +141,7 @@ def remaining(
         fd=counts["fd"] if "FD" in uses else 0,
         pc=counts["pc"] if "PC" in uses else 0,
         ad=counts["ad"] if "AD" in uses else 0,
+        looks=len(looks),
+        evidence=counts["evidence"] if source is not None else 0,
+        pretend=pretend,
     )

@@ -36,24 +36,25 @@ def predicted(
     a, b = here.astype(np.float64), there.astype(np.float64)
     if len(a) < FEWEST:
         return points
-    model = _affine(a, b, SCALE * side)
-    residual = b - _with_one(a) @ model
+    model = affine(a, b, SCALE * side)
+    residual = b - with_one(a) @ model
     kept = np.abs(residual).max(axis=1) <= STRAY * side
     a, residual = a[kept], residual[kept]
     squared = ((points[:, None] - a[None]) ** 2).sum(axis=2)
     wide, near = (np.exp(-squared / (2 * (sigma * side) ** 2)) for sigma in (WIDE, NEAR))
     prior = wide @ residual / (wide.sum(axis=1, keepdims=True) + 1)
     flow = (near @ residual + prior) / (near.sum(axis=1, keepdims=True) + 1)
-    return _with_one(points) @ model + flow
+    return with_one(points) @ model + flow
 
 
-def _with_one(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+def with_one(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points [n, 2] with a third coordinate 1."""
     return np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
 
 
-def _affine(a: NDArray, b: NDArray, scale: float) -> NDArray[np.float64]:
-    """Return the affine map [3, 2] from a to b, fitted with weights 1 / (1 + (residual / scale)²)."""
-    rows, weight = _with_one(a), np.ones(len(a))
+def affine(a: NDArray, b: NDArray, scale: float) -> NDArray[np.float64]:
+    """Return the affine map [3, 2] from a to b, fitted with weights 1 / (1 + (residual / scale)²); scale in pixels."""
+    rows, weight = with_one(a), np.ones(len(a))
     model = np.zeros((3, 2))
     for _ in range(STEPS):
         root = np.sqrt(weight)[:, None]

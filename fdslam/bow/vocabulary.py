@@ -62,13 +62,21 @@ class Vocabulary:
         young = sum(one.descriptors.nbytes + one.seen.nbytes for one in self._young)
         return self.words.nbytes + self._names.nbytes + 8 * len(self._ends) + young
 
-    def match(self, descriptors: NDArray[np.uint8]) -> NDArray[np.int32]:
+    def match(self, descriptors: NDArray[np.uint8], leave: tuple[int, int] | None = None) -> NDArray[np.int32]:
         """Return the word of each descriptor (uint8 [n, 32]) as int32 [n], NO_WORD where the ratio test fails.
 
         Without a word that could be the second nearest the test cannot be passed. Of equally near words the older is
-        the nearest.
+        the nearest. The words of ``leave``, a half-open interval of ids, are passed over; d2 is then that of the second
+        nearest.
         """
+        if leave is not None:
+            keys, _ = self._search(descriptors, np.tile(np.array(leave, np.int32), (len(descriptors), 1)))
+            return self._accepted(keys, keys[:, 1])
         return self._match(descriptors)[0]
+
+    def born(self, image: int) -> tuple[int, int]:
+        """Return the ids that a map image's new words were given, a half-open interval."""
+        return (self._ends[image - 1] if image else 0), self._ends[image]
 
     def _match(self, descriptors: NDArray[np.uint8]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Return the words, and the list each descriptor would join as a word."""
@@ -78,8 +86,12 @@ class Vocabulary:
         if self.switches.second == "other_place":
             elsewhere = self._search(descriptors, self._place_of(word[:, 0]))[0][:, 0]
             rival = np.where(elsewhere == NONE, rival, elsewhere)
+        return self._accepted(keys, rival), lists
+
+    def _accepted(self, keys: Keys, rival: Keys) -> NDArray[np.int32]:
+        """Return the nearest words where they pass the ratio test against rivals (keys [n]), else NO_WORD."""
         accepted = (id_of(rival) >= 0) & (distance_of(keys[:, 0]) <= self.switches.ratio * distance_of(rival))
-        return np.where(accepted, word[:, 0], NO_WORD).astype(np.int32), lists
+        return np.where(accepted, id_of(keys)[:, 0], NO_WORD).astype(np.int32)
 
     def _place_of(self, word: NDArray[np.int64]) -> NDArray[np.int32]:
         """Return the ids born within NEAR images of each word's birth as half-open intervals, int32 [n, 2]."""

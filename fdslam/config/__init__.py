@@ -15,23 +15,30 @@ from hydra.core.config_store import ConfigStore
 
 from fdslam.config.ad import Ad, Autoencoder, Places
 from fdslam.config.bow import Bow, Orb, Retrieval, Vocabulary
+from fdslam.config.compact import Alignment, Compact, Dense
 from fdslam.config.dataset import DATASETS, Campus, Dataset, Folder, Nclt, Pairs, Rendering
+from fdslam.config.early import Early, Training
 from fdslam.config.fd import Fd, Support
 from fdslam.config.mask import Mask
 from fdslam.config.obb import Bing, Obb, Yolo
 from fdslam.config.options import Checked, option, part
 from fdslam.config.pc import Comparison, Keypoints, Pc
+from fdslam.errors import InputError
 
 __all__ = [
     "METHODS",
     "Ad",
+    "Alignment",
     "Autoencoder",
     "Bing",
     "Bow",
     "Campus",
+    "Compact",
     "Comparison",
     "Config",
     "Dataset",
+    "Dense",
+    "Early",
     "Evaluation",
     "Fd",
     "Folder",
@@ -48,6 +55,7 @@ __all__ = [
     "Report",
     "Retrieval",
     "Support",
+    "Training",
     "Vocabulary",
     "Yolo",
     "part",
@@ -55,18 +63,30 @@ __all__ = [
 ]
 
 METHODS = ("FD", "PC", "AD", "FD+AD+PC", "FD+AD", "FD+PC")  # Table I, top to bottom
+COMPACT = ("CC", "WC", "MW", "EF")  # detectors of the compact map, and their early fusion
+SINGLE = ("FD", "PC", "AD", *COMPACT)
 
 
 @dataclass
 class Mix(Checked):
     """Which rows the table has and how detectors are fused (§Performance)."""
 
-    rows: list[str] = option(["FD", "PC", "AD", "FD+AD+PC"], "rows of the table", choices=METHODS)
+    rows: list[str] = option(["FD", "PC", "AD", "FD+AD+PC"], "rows of the table: detectors, or several joined by +")
     rule: str = option(
         "harmonic",
         "Eq. 1 on ascending ranks (b), the sum of 1 / rank (a), or of the normal scores or logarithms of p-values",
         choices=("harmonic", "reciprocal", "stouffer", "fisher"),
     )
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a row that is no mix of detectors."""
+        super().__post_init__()
+        for row in self.rows:
+            parts = row.split("+")
+            if unknown := [name for name in parts if name not in SINGLE]:
+                raise InputError(f"mix.rows={row}: {unknown[0]!r} is no detector; choose from {', '.join(SINGLE)}")
+            if len(set(parts)) < len(parts):
+                raise InputError(f"mix.rows={row}: a detector is named twice")
 
     @property
     def detectors(self) -> list[str]:
@@ -109,7 +129,7 @@ class Config(Checked):
     group: ClassVar[str | None] = ""
 
     name: str = option("run", "names the output folder")
-    mode: str = option("paper", "named set of switches", choices=("paper", "tuned"))
+    mode: str = option("paper", "named set of switches", choices=("paper", "tuned", "raw", "best"))
     seed: int = option(
         0, "of everything random: k-means, autoencoders, ties, controls, bootstrap", low=0, high=2**32 - 1
     )
@@ -122,6 +142,8 @@ class Config(Checked):
     fd: Fd = field(default_factory=Fd)
     pc: Pc = field(default_factory=Pc)
     ad: Ad = field(default_factory=Ad)
+    compact: Compact = field(default_factory=Compact)
+    early: Early = field(default_factory=Early)
     mix: Mix = field(default_factory=Mix)
     mask: Mask = field(default_factory=Mask)
     evaluation: Evaluation = field(default_factory=Evaluation)

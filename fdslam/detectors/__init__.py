@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fdslam.context import Context, Detected
-from fdslam.detectors import anomaly, comparison, fault_diagnosis
+from fdslam.detectors import anomaly, compact, comparison, early, fault_diagnosis
 
 DETECTORS: dict[str, Callable[[Context], Detected]] = {
     "FD": fault_diagnosis.detect,
     "PC": comparison.detect,
     "AD": anomaly.detect,
+    "CC": compact.detect,
+    "WC": compact.new_words,
+    "MW": compact.missing_words,
+    "EF": early.detect,
 }

@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from fdslam.bow.alignment import predicted
+from fdslam.bow.around import NONE, candidates, nearest_around
 from fdslam.bow.verification import supporting_matches
 from fdslam.config import Support, part
 from fdslam.context import Context
@@ -27,41 +27,6 @@ STAGE = Stage(
 )
 HYPOTHESES, NEIGHBOURS = 3, 1  # the best of the strong list, and images before and after each along the path
 LEAST = 8  # agreeing keypoints that verify an image
-NONE = 257  # bits: no word is there
-
-
-def candidates(hypotheses: Sequence[int] | NDArray[np.integer], images: int) -> list[int]:
-    """Return the map ids that are matched with a query: its best hypotheses and what lies beside them, rising."""
-    near = range(-NEIGHBOURS, NEIGHBOURS + 1)
-    return sorted({int(m) + d for m in hypotheses[:HYPOTHESES] for d in near if 0 <= int(m) + d < images})
-
-
-def nearest_word(
-    descriptors: NDArray[np.uint8], at: NDArray[np.float64], other: Features, radius: float
-) -> NDArray[np.int64]:
-    """Return the distance of each descriptor to the nearest word around its place.
-
-    Args:
-        descriptors: uint8 [n, 32].
-        at: float64 [n, 2] pixels, where each should be seen in the other image.
-        other: the other image's words and where they are.
-        radius: pixels; a word at exactly this distance counts.
-
-    Returns:
-        int64 [n] bits; NONE where no word is around.
-    """
-    best = np.full(len(descriptors), NONE)
-    if not len(descriptors) or not len(other.xy):
-        return best
-    around = cKDTree(other.xy.astype(np.float64)).query_ball_point(at, radius, return_sorted=True)
-    count = np.array([len(one) for one in around])
-    word = np.concatenate([np.array(one, np.int64) for one in around])
-    ours, theirs = (np.ascontiguousarray(rows).view(np.uint64) for rows in (descriptors, other.descriptors))
-    distance = np.bitwise_count(np.repeat(ours, count, axis=0) ^ theirs[word]).sum(axis=1, dtype=np.int64)
-    some = np.flatnonzero(count)
-    if len(some):
-        best[some] = np.minimum.reduceat(distance, (np.cumsum(count) - count)[some])
-    return best
 
 
 def support(
@@ -87,7 +52,7 @@ def support(
     best = np.full(len(query.xy), NONE)
     for _, _, mine, theirs, other in sorted(matched, key=lambda one: one[:2])[: config.support_images]:
         at = predicted(query.xy, query.xy[mine], other.xy[theirs], side)
-        found = nearest_word(query.descriptors, at, other, config.support_radius / 100 * side)
+        found = nearest_around(query.descriptors, at, other, config.support_radius / 100 * side)
         np.minimum(best, found, out=best)
     return best
 
@@ -112,7 +77,7 @@ def word_support(context: Context) -> list[NDArray[np.int64]]:
 
     def look(query: int) -> Arrays:
         frame = data.query[query]
-        images = candidates(context.hypotheses[query], len(data.map))
+        images = candidates(context.hypotheses[query], len(data.map), HYPOTHESES, NEIGHBOURS)
         side = float(np.sqrt(frame.height * frame.width))
         distance = support(bow.keypoints(frame), side, images, bow.placed_words, context.config.fd)
         return {"distance": distance.astype(np.uint16)}

@@ -1,0 +1,56 @@
+"""What early fusion looks at: the evidence of each cell, how it stands out in its image, and its surroundings.
+
+Neither where the cell is nor what a detector of objects says: a fixed blob or objectness cannot be learned from these.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from fdslam.store import Arrays
+from fdslam.types import Cells
+
+MAPS = ("fine", "coarse", "fine usual", "coarse usual", "words", "missing", "FD")
+KNOWN = ("texture", "near", "wide")  # how much there is to go by
+SURROUNDINGS = (1.2, 3.0)  # σ, cells
+IMAGES = 3  # aligned images whose agreeing keypoints are told
+NAMES = (
+    *(f"{name} {form}" for name in MAPS for form in ("raw", "normalised", *(f"σ {s}" for s in SURROUNDINGS), "median")),
+    *(f"{name} {form}" for name in KNOWN for form in ("raw", f"σ {SURROUNDINGS[-1]}")),
+    *(f"inliers {i + 1}" for i in range(IMAGES)),
+)
+
+
+def fd_level(ranks: Cells, images: int) -> Cells:
+    """Return ln r / ln M of FD's mean ranks, 0 … 1, and 0 where there are none: maps of any size then look alike."""
+    return (np.log(np.maximum(ranks, 1)) / math.log(max(images, 2))).astype(np.float32)
+
+
+def features(evidence: Arrays, fd: Cells) -> NDArray[np.float32]:
+    """Return the features of every cell of an image, row by row.
+
+    Args:
+        evidence: of ``compact.evidence``.
+        fd: ``fd_level``, [rows, cols].
+
+    Returns:
+        float32 [rows · cols, len(NAMES)], finite.
+    """
+    found = []
+    for name in MAPS:
+        cells = fd if name == "FD" else evidence[name]
+        middle = float(np.median(cells))
+        spread = float(np.abs(cells - middle).mean()) + 1e-6
+        found += [cells, (cells - middle) / spread, *(gaussian_filter(cells, s) for s in SURROUNDINGS)]
+        found.append(np.full_like(cells, middle))
+    for name in KNOWN:
+        found += [evidence[name], gaussian_filter(evidence[name], SURROUNDINGS[-1])]
+    inliers = np.zeros(IMAGES, np.float32)
+    given = evidence["inliers"][:IMAGES]
+    inliers[: len(given)] = given
+    found += [np.full(fd.shape, count) for count in inliers]
+    return np.stack(found, axis=-1).reshape(-1, len(NAMES)).astype(np.float32)

@@ -1,0 +1,26 @@
+"""Which source of dense descriptors a configuration names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from fdslam.compact.gradients import Gradients
+from fdslam.compact.source import Source
+from fdslam.config import Config
+
+
+def load_source(config: Config) -> Source:
+    """Return the source of dense descriptors.
+
+    Raises:
+        InputError: a model that is missing, damaged or without features at strides 8 and 16.
+    """
+    if config.compact.source == "gradients":
+        return Gradients(config.compact)
+    from fdslam.compact.network import NetworkFeatures  # reading graphs takes a while to import
+    from fdslam.obb.yolo import Yolo
+
+    detector = config.obb.yolo
+    if config.compact.weights:
+        detector = replace(detector, weights=config.compact.weights, classes=[])
+    return NetworkFeatures(config.compact, Yolo(detector, config.device), config.compact.threads)
