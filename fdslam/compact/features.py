@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 from fdslam.store import Arrays
 from fdslam.types import Cells
 
-MAPS = ("fine", "coarse", "fine usual", "coarse usual", "words", "missing", "FD")
+MAPS = ("fine", "coarse", "fine alone", "coarse alone", "words", "missing", "FD")
 KNOWN = ("texture", "near", "wide")  # how much there is to go by
 SURROUNDINGS = (1.2, 3.0)  # σ, cells
 IMAGES = 3  # aligned images whose agreeing keypoints are told
