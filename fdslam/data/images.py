@@ -65,7 +65,8 @@ def _bounded(path: Path, image: Pillow.Image) -> tuple[int, int]:
         raise InputError(f"{path}: {width}×{height} pixels is above the limit of {MAX_PIXELS:,}; scale it down first")
     if min(width, height) < MIN_SIDE:
         raise InputError(f"{path}: {width}×{height} pixels is too small, at least {MIN_SIDE} on a side are needed")
-    turned = image.getexif().get(_EXIF_ORIENTATION) in _EXIF_TRANSPOSED
+    # Of a TIFF Pillow itself tells the upright size.
+    turned = image.format != "TIFF" and image.getexif().get(_EXIF_ORIENTATION) in _EXIF_TRANSPOSED
     return (width, height) if turned else (height, width)
 
 
@@ -79,7 +80,8 @@ def read_image(path: Path) -> Image:
         _bounded(path, image)
         if image.mode.startswith(("I", "F")):
             raise InputError(f"{path}: more than 8 bit a channel (mode {image.mode}); convert it to 8 bit first")
-        return np.array(ImageOps.exif_transpose(image).convert("RGB"))
+        ImageOps.exif_transpose(image, in_place=True)  # otherwise, and by conversion to what it is, Pillow copies it
+        return np.array(image if image.mode == "RGB" else image.convert("RGB"))
 
 
 def enlarge(image: NDArray[np.uint8], min_side: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:

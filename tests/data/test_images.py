@@ -36,12 +36,16 @@ def test_other_modes_become_rgb(saved, mode):
     assert image.dtype == np.uint8
 
 
-def test_exif_rotation_is_applied_to_size_and_pixels(saved):
+@pytest.mark.parametrize(("suffix", "mode"), [("png", None), ("png", "L"), ("tiff", None)])
+def test_exif_rotation_is_applied_to_size_and_pixels(saved, suffix, mode):
     exif = Image.Exif()
     exif[0x0112] = 6  # turn 90° clockwise to see it upright
-    path = saved("a.png", exif=exif)
+    expected = read_image(saved(f"b.{suffix}", mode=mode))
+    path = saved(f"a.{suffix}", mode=mode, exif=exif)
     assert image_size(path) == (60, 40)
-    assert np.array_equal(read_image(path), np.rot90(picture(), -1))
+    found = read_image(path)
+    assert np.array_equal(found, np.rot90(expected, -1))
+    assert found.flags.writeable
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tiff"])
