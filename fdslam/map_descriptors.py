@@ -30,7 +30,7 @@ def features_key(frame: Frame, config: Pc) -> Key:
 def extract(frame: Frame, config: Pc) -> Arrays:
     """Return keypoints (float32 [n, 2], pixels of the frame, whole) and their SIFTs (uint8 [n, 128])."""
     image, stretch = enlarge(read_image(frame.path), config.min_side)
-    keypoints = harris_laplace(image, config)
+    keypoints = harris_laplace(image, config, config.threads)
     xy = np.floor((keypoints.xy + np.float32(0.5)) / stretch)
     return {"xy": xy, "sift": sift(image, keypoints).astype(np.uint8)}  # whole numbers up to 255
 
