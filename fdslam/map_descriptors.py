@@ -104,9 +104,12 @@ class MapDescriptors:
         return decode(arrays["codes"], self.codebook) if self.coded else arrays["sift"]
 
     def kept(self, images: Sequence[int]) -> float:
-        """Return the mean bytes that are kept of these map images, with their share of the codebook."""
+        """Return the mean bytes that a comparison needs of these map images, with their share of the codebook.
+
+        Positions, which lie beside the SIFTs in the store, are not among them.
+        """
         if not images:
             return 0.0
-        sizes = [sum(array.nbytes for array in self._stored(image).values()) for image in images]
+        sizes = [self._stored(image)["codes" if self.coded else "sift"].nbytes for image in images]
         shared = self.codebook.nbytes / len(self.context.dataset.map) if self.coded else 0.0
         return float(np.mean(sizes)) + shared
