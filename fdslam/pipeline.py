@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.compact.jpeg import grey_jpeg
 from fdslam.compact.source import Source
-from fdslam.config import Config
+from fdslam.config import COMPACT, Config
 from fdslam.context import Context
 from fdslam.controls import CONTROLS, control, objectness
 from fdslam.data import load_datasets, outline, outline_of
@@ -47,6 +48,7 @@ class Outcome:
     rows: tuple[Row, ...]  # methods, then controls; empty without annotations
     leaders: dict[str, Leader]  # per method; empty without annotated boxes
     kept: dict[str, float]  # bytes per map image of the bag of words, and what each detector keeps beside it
+    jpeg: float = 0.0  # bytes of a map image as a grey JPEG, to compare with; 0 where no compact map is kept
     pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
     over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
 
@@ -186,7 +188,8 @@ def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome
     kept = {name: float(np.average([one.kept[name] for one in seen], weights=images)) for name in seen[0].kept}
     starts = np.cumsum(images) - images
     shifted = tuple(h + start for one, start in zip(seen, starts, strict=True) for h in one.hypotheses)
-    return Outcome(dataset, localizations, shifted, recall, maps, tuple(rows), lead, kept)
+    jpeg = grey_jpeg(dataset.map) if {*COMPACT} & {*kept} else 0.0
+    return Outcome(dataset, localizations, shifted, recall, maps, tuple(rows), lead, kept, jpeg)
 
 
 def _over_Y(

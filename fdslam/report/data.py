@@ -100,6 +100,7 @@ def table_json(outcome: Outcome, config: Config, seconds: float) -> dict[str, An
         "Y": config.evaluation.Y,
         "seconds": round(seconds, 3),
         "kept_bytes_per_map_image": {name: round(size) for name, size in outcome.kept.items()},
+        "grey_jpeg_bytes": round(outcome.jpeg),
         **_measured(outcome),
         "over_Y": over,
         "pairs": pairs,

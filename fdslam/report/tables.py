@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fdslam.config import Config
+from fdslam.config import COMPACT, Config
 from fdslam.metrics import Figure, Row
 from fdslam.modes import deviations
 from fdslam.pipeline import Outcome
@@ -73,8 +73,7 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
     bare = sum(pair.dataset.boxes is None for pair in outcome.pairs)
     if outcome.rows and bare:
         lines.append(f"{bare} of {len(outcome.pairs)} pairs are not annotated and have no part in what follows")
-    kept = ", ".join(f"{name} {size / 1024:.0f} KiB" for name, size in outcome.kept.items())
-    lines.append(f"kept per map image: {kept}; no image")
+    lines.append(f"kept per map image: {_kept(outcome)}")
     if all(figure is not None for figure in outcome.recall.values()):
         recall = ", ".join(f"@{n} {_figure(figure, 1)}" for n, figure in outcome.recall.items())
         lines.append(f"localisation recall %: {recall}")
@@ -87,6 +86,15 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
     else:
         lines.append("no annotations: the maps of change are drawn, nothing is evaluated")
     return lines
+
+
+def _kept(outcome: Outcome) -> str:
+    """What a map keeps of an image: the detectors of the compact map share one, and it is told beside a JPEG."""
+    compact = [name for name in outcome.kept if name in COMPACT]
+    alone = {name: size for name, size in outcome.kept.items() if name not in compact}
+    together = {f"{', '.join(compact)} together": max(outcome.kept[name] for name in compact)} if compact else {}
+    sizes = ", ".join(f"{name} {size / 1024:.0f} KiB" for name, size in {**alone, **together}.items())
+    return f"{sizes}; no image" + (f", a grey JPEG of it would be {outcome.jpeg / 1024:.0f} KiB" if compact else "")
 
 
 def by_pair(outcome: Outcome, config: Config) -> Grid:
