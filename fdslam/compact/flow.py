@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fdslam.bow.alignment import FEWEST, NEAR, SCALE, STRAY, WIDE, affine, with_one
 
 STEPS = 40  # of the lattice along √(height · width): under half of the narrower Gaussian's σ
+ROW = 256  # points that are read side by side
 Field = NDArray[np.float32]  # [rows, cols, channels] on the lattice
 
 
@@ -42,15 +43,13 @@ class Flow:
     def _read(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
         if not len(points):
             return np.zeros((0, 4), np.float32)
-        x, y = (points / self.step).astype(np.float32).T[..., None]
-        read = cv2.remap(
-            self.field,
-            np.ascontiguousarray(x),
-            np.ascontiguousarray(y),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        return np.asarray(read, np.float32).reshape(-1, 4)
+        # OpenCV takes fewer than 2¹⁵ rows: the points lie side by side, the last row filled up with zeros.
+        rows = -(-len(points) // ROW)
+        placed = np.zeros((rows * ROW, 2), np.float32)
+        placed[: len(points)] = points / self.step
+        x, y = (np.ascontiguousarray(one.reshape(rows, ROW)) for one in placed.T)
+        read = cv2.remap(self.field, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(read, np.float32).reshape(-1, 4)[: len(points)]
 
 
 def flow(here: NDArray[np.float32], there: NDArray[np.float32], height: int, width: int) -> Flow:
