@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fdslam.bow.alignment import FEWEST, NEAR, SCALE, STRAY, WIDE, affine, with_one
 
 STEPS = 40  # of the lattice along √(height · width): under half of the narrower Gaussian's σ
-ROW = 256  # points that are read side by side
+LINE = 1024  # points read at once
 Field = NDArray[np.float32]  # [rows, cols, channels] on the lattice
 
 
@@ -41,13 +41,11 @@ class Flow:
         return self._read(np.asarray(xy, np.float64))[:, 2:]
 
     def _read(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
+        places = np.zeros((-(-len(points) // LINE) * LINE, 2), np.float32)  # whole lines: OpenCV wants both sides short
+        places[: len(points)] = points / self.step
+        x, y = (np.ascontiguousarray(one) for one in places.reshape(-1, LINE, 2).transpose(2, 0, 1))
         if not len(points):
             return np.zeros((0, 4), np.float32)
-        # OpenCV takes fewer than 2¹⁵ rows: the points lie side by side, the last row filled up with zeros.
-        rows = -(-len(points) // ROW)
-        placed = np.zeros((rows * ROW, 2), np.float32)
-        placed[: len(points)] = points / self.step
-        x, y = (np.ascontiguousarray(one.reshape(rows, ROW)) for one in placed.T)
         read = cv2.remap(self.field, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(read, np.float32).reshape(-1, 4)[: len(points)]
 
