@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from fdslam import estimate as estimates
 from fdslam.compact.gradients import Gradients
 from fdslam.compact.training import PSEUDO, TREES
-from fdslam.config import COMPACT, Mix
+from fdslam.config import COMPACT, Compact, Mix
 from fdslam.context import Context
 from fdslam.data import load_datasets, outline
 from fdslam.detectors import compact, early
@@ -26,6 +26,7 @@ from fdslam.provenance import Stopwatch
 from fdslam.store import Store
 from fdslam.todo import Todo, everything, remaining
 from fdslam.types import grid_shape
+from tests.compact.networks import with_backbone
 from tests.compact.walks import HEIGHT, PATCH, WIDTH, config_for, walk
 
 BLANK = 2  # this query shows a wall of one grey: it is aligned with nothing
@@ -119,6 +120,23 @@ def test_a_second_run_computes_nothing_and_a_damaged_store_changes_nothing(done,
     assert bytes_of(run(config, Stopwatch())) == bytes_of(outcome)
 
 
+def test_the_features_of_a_network_go_the_same_way(done, tmp_path):
+    config, _, outcome = done
+    weights = with_backbone(tmp_path / "net.onnx", height=128, width=160)
+    found = []
+    for workers, threads in ((1, 1), (2, 2)):
+        store = tmp_path / f"store{workers}"
+        shutil.copytree(config.store, store)
+        compact_switches = Compact(weights=str(weights), threads=threads)
+        changed = replace(config, store=str(store), workers=workers, compact=compact_switches, mix=Mix(rows=["CC"]))
+        found.append(run(changed, Stopwatch()).maps["CC"])
+    for one, two, other in zip(*found, outcome.maps["CC"], strict=True):
+        assert one.tobytes() == two.tobytes()
+        assert np.isfinite(one).all()
+        assert one.shape == other.shape
+    assert not np.array_equal(found[0][0], outcome.maps["CC"][0])
+
+
 def test_cc_is_the_weighted_sum_of_both_strides(done):
     config, _, outcome = done
     context = context_of(config)
@@ -148,6 +166,7 @@ def test_what_is_kept(done):
 def test_a_map_image_without_keypoints_is_no_error(world, tmp_path):
     root = tmp_path / "data"
     shutil.copytree(world, root)
+    (root / "annotations.json").unlink()
     Image.fromarray(np.full((HEIGHT, WIDTH, 3), 90, np.uint8)).save(root / "map" / "05.png")
     outcome = run(config_for(root, tmp_path / "store"), Stopwatch())
     for name in COMPACT:
