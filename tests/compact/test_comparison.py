@@ -46,7 +46,7 @@ def test_any_place_equals_the_loops(seed, shape, other, words, reach):
 
 
 @settings(deadline=None)
-@given(st.integers(0, 10_000), st.tuples(SIDES, SIDES), st.integers(0, 3), st.sampled_from([8.0, 9.1, 8 / 0.867]))
+@given(st.integers(0, 10_000), st.tuples(SIDES, SIDES), st.integers(0, 3), st.floats(4, 20))
 def test_a_centre_at_exactly_the_reach_counts(seed, shape, cells, step):
     rng = np.random.default_rng(seed)
     query, image = bits(rng, *shape, 2), bits(rng, 5, 6, 2)
@@ -57,6 +57,18 @@ def test_a_centre_at_exactly_the_reach_counts(seed, shape, cells, step):
     one = equal(query, image, grid, at, 0)  # none but the descriptor at that very centre
     assert (found.smallest <= one.smallest).all()
     assert np.array_equal(one.smallest, one.mean)
+
+
+def test_no_step_makes_rounding_decide_at_the_reach():
+    rng, query, image = np.random.default_rng(0), np.zeros((1, 1, 1), np.uint64), np.zeros((7, 7, 1), np.uint64)
+    for corner in ((0, 0), (0, 6), (6, 0), (6, 6)):
+        image[:] = 1
+        image[corner] = 0  # three cells from the middle in x and in y
+        for step in rng.uniform(2, 30, 80):
+            grid = Grid(7, 7, step, step)
+            at = np.array([centre(grid, 3, 3)])
+            assert around(query, image, grid, at, 3 * step).smallest[0, 0] == 0
+            assert around(query, image, grid, at, 2.999 * step).smallest[0, 0] == 1
 
 
 def test_elsewhere_is_nowhere():

@@ -21,6 +21,14 @@ def test_shapes_and_grids():
             assert (grid.cols - 1) * grid.step_x < size[1] <= grid.cols * grid.step_x + 1e-6
 
 
+def test_what_is_told_is_relative_to_the_places_around():
+    bright = np.clip(texture(0).astype(int) + np.linspace(0, 120, 160, dtype=int)[:, None], 0, 255).astype(np.uint8)
+    for level in SOURCE.describe(bright):
+        for part in (level[..., :-9], level[..., -9:]):  # gradients, then nine log intensities
+            assert np.abs(part.astype(float).mean(axis=2)).max() < 1e-5
+            assert part.std() > 0.01
+
+
 @pytest.mark.parametrize("grey", [0, 114, 255])
 def test_an_image_of_one_grey_has_no_gradient(grey):
     for level in SOURCE.describe(np.full((120, 160, 3), grey, np.uint8)):
