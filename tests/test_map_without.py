@@ -80,6 +80,32 @@ def test_it_is_the_map_built_without_it(scenes, left, document, switches):
     assert (local.ranks[:, left] == len(numbers)).all()
 
 
+def flipped(rows, *bits):
+    """The same descriptors but for the bits in these ranges."""
+    mask = np.zeros(256, bool)
+    for begin, end in bits:
+        mask[begin:end] = True
+    return rows ^ np.packbits(mask)
+
+
+def test_a_word_of_the_left_out_image_hides_none_of_the_others(scenes):
+    # The query is what image 1 showed, twice and much alike; image 4 has what is less like it, and nothing else is.
+    base = descriptors(7, 15)
+    numbers = [scenes.add(descriptors(10 + i), i) for i in range(5)]
+    scenes.features[1] = Features(scenes.features[1].xy, np.concatenate([base, flipped(base, (0, 10), (200, 210))]))
+    scenes.features[4] = Features(scenes.features[4].xy[:15], flipped(base, (0, 50)))
+    query = scenes.add(base, 99)
+    bow = scenes.map(numbers)
+    assert len(bow.bag.vocabulary) == 5 * 30 - 15  # no word is shared
+    assert bow.localize_without(scenes.image(query), 0)[1].strong[0] == 1
+    local = bow.localize_without(scenes.image(query), 1)[1]
+    frame = Frame("query", scenes.tmp_path / str(query), "query", HEIGHT, WIDTH)
+    [expected] = scenes.map([0, 2, 3, 4]).localize([frame])[1]
+    assert np.array_equal(np.delete(local.ranks, 1, axis=1), expected.ranks)
+    assert local.strong.tolist() == [[0, 2, 3, 4][m] for m in expected.strong]
+    assert local.strong[0] == 4
+
+
 def test_what_is_verified_are_the_others(scenes):
     numbers = [scenes.add(descriptors(i), i) for i in range(5)]
     config, asked = replace(PLAIN, verify_top=2, verify_inliers=8), []
