@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,6 +17,7 @@ from fdslam.config import Keypoints
 from fdslam.types import Image
 
 Plane = NDArray[np.float32]  # [h, w] of one pyramid level
+_Later = Callable[[], Any]  # gives what another thread may be at
 
 DERIVATION = 0.7  # σ_D / σ_I
 # Grey levels⁴. A right-angled corner of c grey levels reaches c⁴ / 1100: below one grey level there is only rounding.
@@ -46,7 +51,7 @@ class HarrisLaplace:
     response: NDArray[np.float32]  # [n] scale-normalised det - k tr², grey levels⁴
 
 
-def harris_laplace(image: Image, config: Keypoints) -> HarrisLaplace:
+def harris_laplace(image: Image, config: Keypoints, threads: int = 1) -> HarrisLaplace:
     """Find the corners of an image that have a scale of their own.
 
     A pixel is a keypoint at scale σ_I if (a) the scale-normalised Harris response det M - k tr² M with
@@ -58,6 +63,7 @@ def harris_laplace(image: Image, config: Keypoints) -> HarrisLaplace:
     Args:
         image: uint8 RGB ``[H, W, 3]``; any size, too small ones have no keypoint.
         config: scales, k, and how many keypoints to keep.
+        threads: that filter the scales. Never changes a result.
 
     Returns:
         At most ``config.keypoints`` keypoints by falling response; ties by row, column, scale.
@@ -69,25 +75,33 @@ def harris_laplace(image: Image, config: Keypoints) -> HarrisLaplace:
     sigmas = [config.sigma * config.scale_step**n for n in range(config.scales)]
     levels = [max(math.floor(math.log2(DERIVATION * s / LEVEL_SIGMA)), 0) for s in sigmas]
     last = sum(2 * s < min(height, width) for s in sigmas)  # from here on no pixel is σ_I off the border
-    pyramid = _pyramid(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32), max(levels[: last + 1], default=0))
-    laplacian = _Laplacian(pyramid, sigmas, levels)
+    pyramid = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)]
+    tried = range(1, min(config.scales - 1, last))
+    laplacian, peaks = _Laplacian(sigmas, levels), dict[int, _Later]()
     found = np.empty((0, 4), np.float32)  # x, y, scale, value of the strongest so far
-    for n in range(1, min(config.scales - 1, last)):
-        level, sigma = levels[n], sigmas[n]
-        response = _harris(pyramid[level], sigma / 2**level, _blur(level), config.harris_k)
-        x, y, value = _maxima(response, level)
-        keep = (np.minimum(x, y) >= sigma) & (x <= width - 1 - sigma) & (y <= height - 1 - sigma)
-        if len(found) == config.keypoints:
-            keep &= value >= found[-1, 3]  # weaker ones would be left out in the end
-        x, y, value = x[keep], y[keep], value[keep]
-        here = np.abs(laplacian.at(n, x, y))
-        for i in (n - 1, n + 1):
-            keep = here > np.abs(laplacian.at(i, x, y))
-            x, y, value, here = x[keep], y[keep], value[keep], here[keep]
-        laplacian.forget(n - 1)
-        found = np.concatenate([found, np.stack([x, y, np.full_like(x, sigma), value], axis=1)])
-        x, y, scale, value = found.T
-        found = found[np.lexsort((scale, x, y, -value))[: config.keypoints]]
+    with ThreadPoolExecutor(threads) as pool:
+        begin = partial(_begin, pool if threads > 1 else None)
+        for n in range(tried.stop + 1) if tried else ():  # other threads filter one level while the next is made
+            while len(pyramid) <= levels[n]:
+                pyramid.append(_halved(pyramid[-1], len(pyramid) - 1))
+            plane, sigma, blur = pyramid[levels[n]], sigmas[n] / 2 ** levels[n], _blur(levels[n])
+            if n in tried:
+                peaks[n] = begin(_peaks, plane, sigma, blur, config.harris_k, levels[n])
+            laplacian.later[n] = begin(_filtered, plane, sigma, blur, levels[n])
+        for n in tried:
+            sigma, (x, y, value) = sigmas[n], peaks.pop(n)()
+            keep = (np.minimum(x, y) >= sigma) & (x <= width - 1 - sigma) & (y <= height - 1 - sigma)
+            if len(found) == config.keypoints:
+                keep &= value >= found[-1, 3]  # weaker ones would be left out in the end
+            x, y, value = x[keep], y[keep], value[keep]
+            here = np.abs(laplacian.at(n, x, y))
+            for i in (n - 1, n + 1):
+                keep = here > np.abs(laplacian.at(i, x, y))
+                x, y, value, here = x[keep], y[keep], value[keep], here[keep]
+            laplacian.forget(n - 1)
+            found = np.concatenate([found, np.stack([x, y, np.full_like(x, sigma), value], axis=1)])
+            x, y, scale, value = found.T
+            found = found[np.lexsort((scale, x, y, -value))[: config.keypoints]]
     return HarrisLaplace(found[:, :2].copy(), found[:, 2].copy(), found[:, 3].copy())
 
 
@@ -137,12 +151,14 @@ def _blur(level: int) -> float:
     return LEVEL_BLUR if level else 0.0
 
 
-def _pyramid(grey: Plane, top: int) -> list[Plane]:
-    """Return the image and its halvings up to level ``top``; pixel i of a level is pixel 2i of the finer one."""
-    planes = [grey]
-    for level in range(1, top + 1):
-        planes.append(np.ascontiguousarray(_gaussian(planes[-1], 2 * LEVEL_BLUR, _blur(level - 1))[::2, ::2]))
-    return planes
+def _begin(pool: ThreadPoolExecutor | None, work: Callable, *given: object) -> _Later:
+    """Begin something in another thread; without one it is done when its result is asked for."""
+    return partial(work, *given) if pool is None else pool.submit(work, *given).result
+
+
+def _halved(plane: Plane, level: int) -> Plane:
+    """Return the level after a pyramid's ``level``; its pixel i is pixel 2i of this one."""
+    return np.ascontiguousarray(_gaussian(plane, 2 * LEVEL_BLUR, _blur(level))[::2, ::2])
 
 
 def _kernels(sigma: float) -> tuple[Plane, Plane]:
@@ -164,19 +180,23 @@ def _gaussian(plane: Plane, sigma: float, already: float = 0.0) -> Plane:
     return cv2.sepFilter2D(plane, cv2.CV_32F, smooth, smooth)  # type: ignore[return-value]
 
 
+def _filtered(plane: Plane, sigma: float, already: float, level: int) -> Plane:
+    """Return a pyramid level at the blur ``sigma`` (both in its pixels), or of a coarse one σ² (Lxx + Lyy) of that."""
+    smooth = _gaussian(plane, sigma, already)
+    return cv2.filter2D(smooth, cv2.CV_32F, sigma**2 * LAPLACE) if level else smooth  # type: ignore[return-value]
+
+
 class _Laplacian:
     """σ² (Lxx + Lyy) of one image at its scales, at single pixels."""
 
-    def __init__(self, pyramid: list[Plane], sigmas: list[float], levels: list[int]) -> None:
-        self.pyramid, self.sigmas, self.levels = pyramid, sigmas, levels
+    def __init__(self, sigmas: list[float], levels: list[int]) -> None:
+        self.sigmas, self.levels = sigmas, levels
+        self.later: dict[int, _Later] = {}  # per scale: what gives its plane
         self.planes: dict[int, Plane] = {}  # per scale: blurred or, at a coarse level, the Laplacian
 
     def _plane(self, n: int) -> Plane:
         if n not in self.planes:
-            level = self.levels[n]
-            sigma = self.sigmas[n] / 2**level
-            plane = _gaussian(self.pyramid[level], sigma, _blur(level))
-            self.planes[n] = cv2.filter2D(plane, cv2.CV_32F, sigma**2 * LAPLACE) if level else plane  # type: ignore[assignment]
+            self.planes[n] = self.later.pop(n)()
         return self.planes[n]
 
     def at(self, n: int, x: Plane, y: Plane) -> Plane:
@@ -230,6 +250,11 @@ def _harris(plane: Plane, sigma: float, already: float, k: float) -> Plane:
         trace = cv2.add(xx, yy, dst=xx)
         cv2.subtract(det, cv2.multiply(trace, trace, dst=trace, scale=k), dst=det)
     return response
+
+
+def _peaks(plane: Plane, sigma: float, already: float, k: float, level: int) -> tuple[Plane, Plane, Plane]:
+    """Return the maxima of a pyramid level's response at the scale ``sigma`` (in its pixels), as ``_maxima``."""
+    return _maxima(_harris(plane, sigma, already, k), level)
 
 
 def _maxima(response: Plane, level: int) -> tuple[Plane, Plane, Plane]:

@@ -30,7 +30,7 @@ def features_key(frame: Frame, config: Pc) -> Key:
 def extract(frame: Frame, config: Pc) -> Arrays:
     """Return keypoints (float32 [n, 2], pixels of the frame, whole) and their SIFTs (uint8 [n, 128])."""
     image, stretch = enlarge(read_image(frame.path), config.min_side)
-    keypoints = harris_laplace(image, config)
+    keypoints = harris_laplace(image, config, config.threads)
     xy = np.floor((keypoints.xy + np.float32(0.5)) / stretch)
     return {"xy": xy, "sift": sift(image, keypoints).astype(np.uint8)}  # whole numbers up to 255
 
@@ -104,9 +104,12 @@ class MapDescriptors:
         return decode(arrays["codes"], self.codebook) if self.coded else arrays["sift"]
 
     def kept(self, images: Sequence[int]) -> float:
-        """Return the mean bytes that are kept of these map images, with their share of the codebook."""
+        """Return the mean bytes that a comparison needs of these map images, with their share of the codebook.
+
+        Positions, which lie beside the SIFTs in the store, are not among them.
+        """
         if not images:
             return 0.0
-        sizes = [sum(array.nbytes for array in self._stored(image).values()) for image in images]
+        sizes = [self._stored(image)["codes" if self.coded else "sift"].nbytes for image in images]
         shared = self.codebook.nbytes / len(self.context.dataset.map) if self.coded else 0.0
         return float(np.mean(sizes)) + shared

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import partial
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,16 +30,34 @@ MODEL = Stage(
     ("fdslam.autoencoder.places", "fdslam.autoencoder.together", "fdslam.data.images"),
     ("torch", "kornia", *LIBRARIES),
 )
+# What every query asks of all AEs, so that only the AEs of its own places have to be read.
+SUMMARY = Stage("autoencoder_summary", ("fdslam.autoencoder.places",))
 
 
 @dataclass(frozen=True)
 class PlaceModels:
-    """The map's places with their AEs."""
+    """The map's places with their AEs, of which each is read when it is first asked for. Threads may share it."""
 
     label: NDArray[np.int64]  # [M] the place of every map image
     keys: list[Key]  # per place, the address of its AE
-    models: tuple[PlaceModel, ...]  # per place, the statistics filled in
+    held_out: tuple[Statistics, ...]  # per place, filled in
+    nbytes: int  # of the weights of all AEs
     size: tuple[int, int]  # of the AEs' input, height and width in pixels
+    read: Callable[[int], PlaceModel]  # from the place to its AE
+    known: dict[int, PlaceModel] = field(default_factory=dict)  # those that were read
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def model(self, place: int) -> PlaceModel:
+        """Return the AE of a place, the statistics filled in."""
+        with self.lock:  # two threads would read it twice, or train it twice if it is damaged
+            if place not in self.known:
+                self.known[place] = replace(self.read(place), held_out=self.held_out[place])
+            return self.known[place]
+
+    @property
+    def models(self) -> tuple[PlaceModel, ...]:
+        """All AEs, per place."""
+        return tuple(map(self.model, range(len(self.keys))))
 
 
 def _vectors(context: Context) -> NDArray[np.floating]:
@@ -135,15 +154,48 @@ def trained_places(context: Context) -> PlaceModels:
     """Return the places with their AEs; those that are not stored yet are trained, from their checkpoints if any."""
     label, size = place_labels(context), _input_size(context)
     members, keys = _members(context, label)
-    if _together(context):
-        found = _train_together(context, members, keys, size)
-    else:
-        # The largest first, or the last worker would be busy with it alone.
-        order = sorted(range(len(keys)), key=lambda place: -len(members[place]))
-        train = partial(_train_apart, context, [members[place] for place in order], [keys[i] for i in order], size)
-        arrays = context.fetch(MODEL, [keys[place] for place in order], train, "autoencoders")
-        found = [arrays[order.index(place)] for place in range(len(keys))]
-    return PlaceModels(label, keys, fill_statistics([_unpack(one) for one in found]), size)
+    store, address = context.store, SUMMARY.key({}, keys)
+
+    def train() -> list[PlaceModel]:
+        made = _train_together if _together(context) else _train_all_apart
+        return [_unpack(one) for one in made(context, members, keys, size)]
+
+    def read(place: int) -> PlaceModel:
+        arrays = store.get(MODEL, keys[place])
+        if arrays is not None:
+            return _unpack(arrays)
+        store.discard(SUMMARY, address)  # a GPU may train it to other last bits
+        return train()[place]
+
+    summary, known = None if store.lacks(MODEL, keys) else store.get(SUMMARY, address), {}
+    if summary is None:
+        known = dict(enumerate(fill_statistics(train())))
+        summary = _summary([*known.values()])
+        store.put(SUMMARY, address, summary)
+    kinds = [name for name in summary if name != "nbytes"]
+    held_out = tuple(
+        {kind: (float(summary[kind][p, 0]), float(summary[kind][p, 1])) for kind in kinds} for p in range(len(keys))
+    )
+    return PlaceModels(label, keys, held_out, int(summary["nbytes"]), size, read, known)
+
+
+def _summary(models: list[PlaceModel]) -> Arrays:
+    """Return μ and σ of each kind of error, float64 [places, 2], and the bytes of all weights."""
+    found = {kind: np.array([model.held_out[kind] for model in models], np.float64) for kind in models[0].held_out}
+    return found | {"nbytes": np.array(sum(w.nbytes for model in models for w in model.weights.values()))}
+
+
+def _train_all_apart(
+    context: Context, members: list[list[Frame]], keys: list[Key], size: tuple[int, int]
+) -> list[Arrays]:
+    # The largest first, or the last worker would be busy with it alone.
+    order = sorted(range(len(keys)), key=lambda place: -len(members[place]))
+
+    def train(position: int) -> Arrays:
+        return _train_apart(context, members, keys, size, order[position])
+
+    arrays = context.fetch(MODEL, [keys[place] for place in order], train, "autoencoders")
+    return [arrays[order.index(place)] for place in range(len(keys))]
 
 
 def _train_apart(
@@ -152,11 +204,18 @@ def _train_apart(
     config = context.config
     images = prepare((read_image(frame.path) for frame in members[place]), size)
     keeper = Checkpoints(context.store, keys[place])
-    [model] = fit_places([images], config.ad, config.seed, config.device, train_apart, keeper)
+    names = [_name(place, members[place])]
+    [model] = fit_places([images], config.ad, config.seed, config.device, train_apart, keeper, names)
     arrays = _pack(model)
     context.store.put(MODEL, keys[place], arrays)  # before the checkpoints go: a kill between would lose both
     keeper.clear()
     return arrays
+
+
+def _name(place: int, frames: list[Frame]) -> str:
+    """Return how a message names a place."""
+    images = f"{len(frames)} map images, the first " if len(frames) > 1 else ""
+    return f"place {place} ({images}{frames[0].name})"
 
 
 def _train_together(
@@ -172,7 +231,8 @@ def _train_together(
         for frames in progress(members, len(members), "images of the places")
     ]
     keeper = Checkpoints(store, keys[0])
-    models = fit_places(places, config.ad, config.seed, config.device, train_together, keeper)
+    names = [_name(place, frames) for place, frames in enumerate(members)]
+    models = fit_places(places, config.ad, config.seed, config.device, train_together, keeper, names)
     made = [_pack(model) for model in models]
     for key, old, new in zip(keys, stored, made, strict=True):
         if old is None:

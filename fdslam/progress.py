@@ -7,10 +7,11 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from functools import lru_cache
 from typing import TypeVar
 
 import cv2
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 from tqdm import tqdm
 
 T = TypeVar("T")
@@ -31,9 +32,15 @@ def readable(count: float) -> str:
     return f"{count:.1f} GB"
 
 
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """Return the numerical libraries that are loaded; looking for them takes longer than many a job."""
+    return ThreadpoolController()
+
+
 def single_threaded() -> None:
     """Let this thread's numerical libraries run on one core: parallelism is over images, and results stay the same."""
-    threadpool_limits(1)  # BLAS and OpenMP of what is loaded by now
+    _libraries(len(sys.modules)).limit(limits=1)  # BLAS and OpenMP of what is loaded by now: modules bring libraries
     cv2.setNumThreads(1)
     if "torch" in sys.modules:  # the import takes seconds, and some stages do without
         sys.modules["torch"].set_num_threads(1)

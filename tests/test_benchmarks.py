@@ -1,6 +1,7 @@
 """The benchmarks' contract: what they print and write, on a map of a few images; never how fast it is."""
 
 import json
+import statistics
 import sys
 
 import pytest
@@ -96,13 +97,32 @@ def test_a_query_takes_every_stage(tmp_path):
         "AD",
         "mask",
         "fusion",
+        query.SUPPORT,
     }
     assert watch.seconds.keys() == stages_
     assert all(len(times) == 2 and min(map(min, times)) >= 0 for times in watch.seconds.values())
     stored = {folder.name for folder in (tmp_path / "store").iterdir()}
-    assert {"features", "obbs", "words", "localization", "fd", "pc", "ad", "autoencoder", "mask"} <= stored
+    assert {
+        "features",
+        "obbs",
+        "words",
+        "localization",
+        "fd",
+        "pc",
+        "word_support",
+        "ad",
+        "autoencoder",
+        "mask",
+    } <= stored
     said = []
     query.remember(robot, 2, said.append)
     assert said[-1].startswith("| 2 | ")
     printed = query.table(watch, watch, 2, (0.5, 0.25), 0.125)
+    own = sum(
+        statistics.median([clock for clock, _ in times])
+        for name, times in watch.seconds.items()
+        if name != query.SUPPORT
+    )
+    assert f"| **one query** | {1000 * own:.1f} |" in printed
+    assert f"| {query.SUPPORT} | " in printed
     assert "| decoding its file once | 500.0 | 250.0 | 250.0 | 2.00 |" in printed

@@ -73,12 +73,19 @@ def test_paper_mode_is_the_schema_s_default():
         }, group
 
 
+def test_the_paper_s_comparison_is_of_exact_sifts_in_their_cells():
+    changed = {"pc.spread": "normalised", "pc.descriptors": "pq"}
+    config = composed("mode=paper", *(f"{key}={value}" for key, value in changed.items()))
+    assert deviations(config) == changed
+
+
 @pytest.mark.parametrize("mode", ["paper", "tuned"])
 def test_a_mode_is_what_its_file_says_whatever_the_groups(mode):
     config = composed("bow=plain", "pc=gaussian", f"mode={mode}")
     assert config.mode == mode
     assert deviations(config) == {}
     assert deviations(composed(f"mode={mode}", "fd.gate=7")) == {"fd.gate": 7}
+    assert deviations(composed(f"mode={mode}", "pc.spread=gaussian")) == {"pc.spread": "gaussian"}
 
 
 @pytest.mark.parametrize(

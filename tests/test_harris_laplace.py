@@ -83,6 +83,15 @@ def test_strips_are_the_whole(monkeypatch, seed):
         np.testing.assert_array_equal(rows(harris_laplace(image, ALL)), rows(k))
 
 
+@pytest.mark.parametrize("threads", [2, 5])
+@pytest.mark.parametrize("settings", [{}, {"scales": 3}, {"scales": 20}, {"sigma": 6.0}, {"keypoints": 50}])
+def test_threads_change_no_byte(settings, threads):
+    image, config = texture(4, 230, 170), Keypoints(**{"keypoints": 100_000, **settings})
+    alone, shared = harris_laplace(image, config), harris_laplace(image, config, threads)
+    assert len(alone.scale) > 0
+    assert rows(shared).tobytes() == rows(alone).tobytes()
+
+
 def test_on_a_real_image():
     folder = Path(__file__).parents[2] / "shared" / "data" / "stromovka_winter" / "query"
     if not folder.is_dir():

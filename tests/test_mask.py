@@ -22,16 +22,21 @@ def masks(data, config, tmp_path):
 
 
 @pytest.mark.parametrize("min_share", [0.3, 0.5, 1.0])
-def test_equals_the_loop_over_cells(min_share):
-    labels = np.random.default_rng(0).integers(0, len(LABELS), (27, 34)).astype(np.uint8)
+@pytest.mark.parametrize(("height", "width"), [(27, 34), (30, 40), (16, 41), (30, 39)])
+def test_equals_the_loop_over_cells(min_share, height, width):
+    labels = np.random.default_rng(0).integers(0, len(LABELS), (height, width)).astype(np.uint8)
     labels[:10, :10] = SKY
-    labels[20:, 30:] = GROUND
-    found = masked_cells(dull_pixels(labels), 27, 34, min_share)
-    for r in range(3):
-        for c in range(4):
+    labels[-7:, 30:] = GROUND
+    dull = dull_pixels(labels)
+    assert dull.dtype == np.uint8
+    assert dull.max() == CELL * CELL
+    found = masked_cells(dull, height, width, min_share)
+    for r in range(-(-height // CELL)):
+        for c in range(-(-width // CELL)):
             cell = labels[r * CELL : (r + 1) * CELL, c * CELL : (c + 1) * CELL]
-            share = sum(value in (SKY, GROUND) for value in cell.ravel()) / cell.size
-            assert found[r, c] == (share >= min_share)
+            count = sum(value in (SKY, GROUND) for value in cell.ravel())
+            assert dull[r, c] == count
+            assert found[r, c] == (count / cell.size >= min_share)
 
 
 def test_one_pixel_of_something_else_keeps_the_cell():

@@ -117,7 +117,7 @@ def test_a_second_run_computes_nothing_and_says_the_same(campus):
         ({"fd": Fd(support=1.0)}, {"fd", "word_support"}),
         ({"fd": Fd(support=0.5, support_distance=50)}, {"fd"}),
         ({"mix": Mix(rows=["FD+PC"], rule="stouffer")}, set()),
-        ({"ad": replace(QUICK, k=3)}, {"places", "autoencoder", "ad"}),
+        ({"ad": replace(QUICK, k=3)}, {"places", "autoencoder", "autoencoder_summary", "ad"}),
     ],
 )
 def test_a_change_repeats_only_what_is_new(campus, changes, stages):

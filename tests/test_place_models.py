@@ -11,6 +11,7 @@ from fdslam.config import Ad, Config, Folder
 from fdslam.context import Context
 from fdslam.data.folder import read_folder
 from fdslam.detectors import anomaly
+from fdslam.errors import InputError
 from fdslam.place_models import MODEL, trained_places, untrained
 from fdslam.store import Store
 from fdslam.types import Boxes, Localization
@@ -132,3 +133,65 @@ def test_variants_share_the_models_and_give_scores_of_their_own(data, tmp_path_f
         one = anomaly.detect(context_of(data, folder, error=error, region=region))
         assert all((a <= b).all() for a, b in zip(found.loc, one.loc, strict=True))
     assert anomaly.missing(context) == 0
+
+
+def test_a_query_reads_the_models_of_its_places_alone_and_each_once(data, tmp_path, monkeypatch):
+    context = context_of(data, tmp_path, hypotheses="min")
+    label = trained_places(context).label
+    first, second = (np.flatnonzero(label == place) for place in (0, 1))
+    asked = replace(context, hypotheses=(first[:1],) * len(data.query))
+    read, get = [], Store.get
+    monkeypatch.setattr(Store, "get", lambda *args: read.append(args[1:]) or get(*args))
+    anomaly.detect(asked)
+    keys = trained_places(context).keys
+    assert [key for stage, key in read if stage is MODEL] == [keys[0]]
+    read.clear()
+    anomaly.detect(asked)  # all is stored
+    assert not [key for stage, key in read if stage is MODEL]
+    anomaly.detect(replace(context, hypotheses=(np.array([first[0], second[0]]),) * len(data.query)))
+    assert sorted(key for stage, key in read if stage is MODEL) == sorted(keys)
+
+
+@pytest.mark.parametrize("train", ["together", "apart"])
+def test_a_damaged_model_is_made_again_when_it_is_asked_for(data, tmp_path, train):
+    context = context_of(data, tmp_path / "damaged", train=train)
+    whole = trained_places(context_of(data, tmp_path / "whole", train=train))
+    expected = [*map(bytes_of, whole.models)]
+    keys = trained_places(context).keys
+    path = context.store.path(MODEL, keys[1])
+    torn = bytearray(path.read_bytes())
+    torn[-1] ^= 1
+    path.write_bytes(torn)
+    found = trained_places(context)
+    assert path.read_bytes() == torn  # nobody has asked for it
+    assert [*map(bytes_of, found.models)] == expected
+    assert context.store.has(MODEL, keys[1])
+    assert [*map(bytes_of, trained_places(context).models)] == expected
+    assert found.held_out == tuple(model.held_out for model in whole.models)
+    assert found.nbytes == sum(w.nbytes for model in whole.models for w in model.weights.values())
+
+
+def test_a_model_trained_anew_has_its_statistics_measured_anew(data, tmp_path):
+    context = context_of(data, tmp_path)
+    found = trained_places(context)
+    address = place_models.SUMMARY.key({}, found.keys)
+    context.store.path(MODEL, found.keys[0]).unlink()
+    wrong = {name: np.asarray(array + 1) for name, array in context.store.get(place_models.SUMMARY, address).items()}
+    context.store.put(place_models.SUMMARY, address, wrong)
+    assert trained_places(context).held_out == found.held_out
+
+
+def test_one_place_of_one_image_has_the_means_of_the_others(data, tmp_path):
+    context = context_of(data, tmp_path, k=len(data.map))
+    found = trained_places(context)
+    assert [*found.held_out] == [model.held_out for model in found.models]
+    assert [*trained_places(context).held_out] == [*found.held_out]
+
+
+def test_a_message_names_the_place_by_its_images(data, tmp_path):
+    context = context_of(data, tmp_path)
+    context.config.ad.learning_rate = 1e30
+    context.config.ad.epochs = 1
+    message = rf"place \d \(\d map images, the first {data.map[0].name.split('/')[0]}.* is too high"
+    with pytest.raises(InputError, match=message):
+        trained_places(context)

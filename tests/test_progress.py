@@ -1,10 +1,12 @@
+import sys
 import threading
 import time
 from functools import partial
 
 import pytest
 
-from fdslam.progress import in_parallel, progress, worker_count
+import fdslam.progress
+from fdslam.progress import in_parallel, progress, single_threaded, worker_count
 
 
 @pytest.mark.parametrize("workers", [1, 3])
@@ -49,6 +51,30 @@ def test_plain_lines_without_a_terminal(capsys):
     assert "letters: 3/3 in" in capsys.readouterr().err
     assert list(progress(iter(""), 0, "nothing")) == []
     assert capsys.readouterr().err == ""
+
+
+def test_every_worker_limits_the_libraries_and_finds_new_ones(monkeypatch):
+    looked, limited = [], []
+
+    class Controller:
+        def __init__(self):
+            looked.append(len(sys.modules))
+
+        def limit(self, limits):
+            limited.append(limits)
+
+    monkeypatch.setattr(fdslam.progress, "ThreadpoolController", Controller)
+    fdslam.progress._libraries.cache_clear()
+    single_threaded()
+    for _ in range(3):
+        assert list(in_parallel([int, int], 2)) == [0, 0]
+    assert {*limited} == {1}
+    assert len(limited) >= 4  # an executor may make one worker of two
+    assert len(looked) == 1
+    monkeypatch.setitem(sys.modules, "a.new.library", sys)
+    single_threaded()
+    assert len(looked) == 2
+    fdslam.progress._libraries.cache_clear()
 
 
 def test_workers_default_to_the_cores():

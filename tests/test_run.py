@@ -66,6 +66,10 @@ def command(*arguments, cwd=ROOT, python=sys.executable):
             ["mode=tuned", "pc=gaussian"],
             "pc=gaussian sets pc.spread=gaussian, but mode=tuned sets normalised; write pc.",
         ),
+        (
+            ["pc=normalised"],
+            "pc=normalised sets pc.spread=normalised, but mode=paper sets cell; write pc.spread=normalised to have it",
+        ),
         (["device=tpu"], "device=tpu: choose cpu or cuda"),
         (["device=cuda:99"], "device=cuda:99: torch finds"),
         (["hydra.run.dir=/proc/x"], "/proc/x"),

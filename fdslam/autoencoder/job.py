@@ -37,6 +37,7 @@ class Job:
     epochs: int  # at most
     seed: tuple[int, int]
     config: Autoencoder
+    place: str = "a place"  # for messages
     generator: torch.Generator = field(init=False)
     losses: list[float] = field(default_factory=list)  # L1 of each epoch
     best: tuple[int, float] = (0, math.inf)  # epoch, counted from 1, and its held-out L1
@@ -71,17 +72,26 @@ class Job:
         """Note an epoch's loss and, with held-out images, their reconstructions after it.
 
         Raises:
-            InputError: the training has ended without ever being better than nothing.
+            InputError: the loss of a final network is not finite, or the training has ended without ever being better
+                than nothing.
         """
         self.losses.append(loss)
+        if self.held is None and not math.isfinite(loss):
+            raise self.diverged()
         if self.held is not None and outputs is not None:
             outputs = outputs.cpu()
             held = float((outputs - self.held).abs().mean(dim=1).numpy().mean(dtype=np.float64))
             if held < self.best[1] - GAIN:
                 self.best, self.outputs = (self.epoch, held), outputs.clone()
             if self.finished and self.best[0] == 0:
-                rate = self.config.learning_rate
-                raise InputError(f"the autoencoder's training diverged: learning_rate={rate} is too high")
+                raise self.diverged()
+
+    def diverged(self) -> InputError:
+        """Return what to raise where a training led nowhere."""
+        return InputError(
+            f"the autoencoder of {self.place} diverged in epoch {self.epoch}: ad.learning_rate="
+            f"{self.config.learning_rate} is too high; lower it and run again"
+        )
 
     def state(self) -> Arrays:
         """Return what changes, for a checkpoint."""

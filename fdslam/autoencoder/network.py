@@ -34,10 +34,18 @@ class ConvAutoencoder(nn.Module):
     image's brightness and contrast before the code and reconstructs held-out images worse.
     """
 
-    def __init__(self, size: tuple[int, int], channels: int, latent: int, generator: torch.Generator | None = None):
+    def __init__(
+        self,
+        size: tuple[int, int],
+        channels: int,
+        latent: int,
+        generator: torch.Generator | None = None,
+        draw: bool = True,
+    ):
         """Build the network for inputs of ``size`` = (h, w) and draw its weights from ``generator`` (None: seed 0).
 
-        The blocks have ``channels``, and 2, 4 and 8 times that; the code has length ``latent``.
+        The blocks have ``channels``, and 2, 4 and 8 times that; the code has length ``latent``. Without ``draw`` the
+        weights are whatever lay in the memory, for one that loads others.
 
         Raises:
             InputError: a side is not a positive multiple of 16.
@@ -56,7 +64,8 @@ class ConvAutoencoder(nn.Module):
         self.decoder = nn.Sequential(
             *(layer for conv in up for layer in (nn.LeakyReLU(SLOPE, inplace=True), conv)), nn.Sigmoid()
         )
-        self._draw(generator or torch.Generator().manual_seed(0))
+        if draw:
+            self._draw(generator or torch.Generator().manual_seed(0))
 
     def _draw(self, generator: torch.Generator) -> None:
         """Draw the weights after He et al. 2015, biases 0."""
@@ -92,7 +101,7 @@ def network_with(weights: Mapping[str, NDArray[np.float32]], size: tuple[int, in
     """
     try:
         channels, latent = len(weights["encoder.0.weight"]), len(weights["encode.weight"])
-        network = ConvAutoencoder(size, channels, latent)
+        network = ConvAutoencoder(size, channels, latent, draw=False)  # drawing takes as long as a look at an image
         network.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
     except (KeyError, RuntimeError) as error:
         raise InputError(f"the weights do not fit the autoencoder of {size} pixels; train the map again") from error

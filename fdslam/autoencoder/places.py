@@ -40,6 +40,7 @@ def fit_places(
     device: str = "cpu",
     train: Trainer = train_apart,
     keeper: Keeper | None = None,
+    names: Sequence[str] = (),
 ) -> list[PlaceModel]:
     """Train the AE of every place and measure its RE on images it has not seen (§AD).
 
@@ -55,6 +56,7 @@ def fit_places(
         device: where torch runs.
         train: ``train_apart`` or ``train_together``.
         keeper: of checkpoints; None: none are kept.
+        names: of the places, for messages; none: their numbers.
 
     Returns:
         The models. With a single image nothing can be held out: ``held_out`` is empty, to be filled by
@@ -62,27 +64,28 @@ def fit_places(
         arguments on a CPU with one thread, in whatever thread and beside whatever places it runs.
 
     Raises:
-        InputError: a place without an image.
+        InputError: a place without an image, or a training that diverged.
     """
     if any(len(images) == 0 for images in places):
         raise InputError("an autoencoder needs at least one image of its place")
     keeper = keeper or Forgetful()
-    folds = [_folds(images, config, seed) for images in places]
+    names = names or [f"place {place}" for place in range(len(places))]
+    folds = [_folds(images, config, seed, name) for images, name in zip(places, names, strict=True)]
     train([job for jobs in folds for job in jobs], device, keeper, "folds") if any(folds) else None
     finals = []
-    for images, jobs in zip(places, folds, strict=True):
+    for images, jobs, name in zip(places, folds, names, strict=True):
         epochs = max(1, round(sum(job.best[0] for job in jobs) / len(jobs))) if jobs else config.epochs
-        finals.append(Job(images, None, epochs, (seed, len(jobs)), config))
+        finals.append(Job(images, None, epochs, (seed, len(jobs)), config, name))
     train(finals, device, keeper, "finals")
     return [_model(final, jobs, device) for final, jobs in zip(finals, folds, strict=True)]
 
 
-def _folds(images: Tensor, config: Autoencoder, seed: int) -> list[Job]:
+def _folds(images: Tensor, config: Autoencoder, seed: int, name: str) -> list[Job]:
     """Return the trainings that hold out a fold each."""
     found = []
     for fold, block in enumerate(fold_slices(len(images), config.folds)):
         rest = torch.cat([images[: block.start], images[block.stop :]])
-        found.append(Job(rest, images[block], config.epochs, (seed, fold), config))
+        found.append(Job(rest, images[block], config.epochs, (seed, fold), config, name))
     return found
 
 
@@ -90,10 +93,14 @@ def _model(final: Job, folds: list[Job], device: str) -> PlaceModel:
     held = [(job.held, job.outputs) for job in folds if job.held is not None and job.outputs is not None]
     images = final.images.to(device)
     network = network_with(final.weights, (images.shape[2], images.shape[3])).to(device)
+    own = statistics(images, reconstruct(network, images, HELD_BATCH))
+    # The last step's weights are in no loss.
+    if not np.isfinite([*own.values()]).all() or not all(np.isfinite(value).all() for value in final.weights.values()):
+        raise final.diverged()
     return PlaceModel(
         final.weights,
         statistics(torch.cat([h for h, _ in held]), torch.cat([o for _, o in held])) if held else {},
-        statistics(images, reconstruct(network, images, HELD_BATCH)),
+        own,
         final.epoch,
         final.training(),
         np.array([job.best[1] for job in folds], dtype=np.float32),

@@ -1,57 +1,81 @@
-"""Compact comparison: how unlike the map a query looks, by Hamming distances around the predicted places."""
+"""Compact comparison: how unlike the map a query looks, by Hamming distances around the predicted places.
+
+Every descriptor is compared with those of a map image at all whole displacements from its predicted place. The
+smallest distance over the displacements is noisy, as each cell may choose its own: *supported*, distances of equal
+displacements are first averaged over the cells around by a Gaussian, as the cost volumes of stereo matching are.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.compact.grid import Grid
 from fdslam.compact.signs import Signs
 
-NOWHERE = np.iinfo(np.int32).max  # bits: no descriptor of the map image is around
+NOWHERE = np.float32(np.inf)  # no descriptor of the map image is around
 _EXACT = 1e-9  # of a cell: what rounding may take from a place that is exactly ``reach`` away
 
 
-@dataclass(frozen=True)
-class Around:
-    """Distances of each descriptor of a query to those of a map image around its predicted place."""
-
-    smallest: NDArray[np.int32]  # [rows, cols] bits; NOWHERE where the map image does not reach that place
-    mean: NDArray[np.float32]  # [rows, cols] bits, over all that are around; 0 where none is
-
-
-def around(query: Signs, image: Signs, grid: Grid, at: NDArray[np.floating], reach: float) -> Around:
-    """Compare a query's descriptors with those of a map image around where they should be seen.
+def displaced(
+    query: Signs, image: Signs, grid: Grid, at: NDArray[np.floating], reach: float
+) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
+    """Yield, for every displacement, the distances of a query's descriptors to those of a map image.
 
     Args:
         query: uint64 [rows, cols, words].
         image: uint64 [rows', cols', words], of the map image.
         grid: where those lie in the map image.
         at: [rows · cols, 2] pixels of the map image, where the query's descriptors should be seen.
-        reach: pixels, how far in x and in y from there they are looked for; exactly this far counts.
+        reach: pixels, how far from there a thing may be: displacements go so far in x and in y, in whole cells.
+
+    Yields:
+        float32 [rows, cols] bits, and bool [rows, cols], whether the map image reaches there; the distance is 0 if not.
     """
     rows, cols, words = query.shape
     ours, theirs = query.reshape(-1, words), image.reshape(-1, words)
-    place = grid.places(at)
-    span = np.array([reach / grid.step_x, reach / grid.step_y])
-    first = np.ceil(place - span - _EXACT).astype(np.int64)
-    last = np.floor(place + span + _EXACT).astype(np.int64)
-    best, total = np.full(len(ours), NOWHERE, np.int32), np.zeros(len(ours), np.int64)
-    count = np.zeros(len(ours), np.int64)
-    for dy in range(int(2 * span[1]) + 2):
-        row = first[:, 1] + dy
-        in_rows = (row >= 0) & (row < image.shape[0]) & (row <= last[:, 1])
-        for dx in range(int(2 * span[0]) + 2):
-            col = first[:, 0] + dx
-            chosen = np.flatnonzero(in_rows & (col >= 0) & (col < image.shape[1]) & (col <= last[:, 0]))
-            there = row[chosen] * image.shape[1] + col[chosen]
-            distance = np.zeros(len(chosen), np.int32)
+    col, row = np.rint(grid.places(at)).astype(np.int64).T
+    across, down = (math.ceil(reach / step - _EXACT) for step in (grid.step_x, grid.step_y))
+    for dy in range(-down, down + 1):
+        for dx in range(-across, across + 1):
+            y, x = row + dy, col + dx
+            inside = (y >= 0) & (y < image.shape[0]) & (x >= 0) & (x < image.shape[1])
+            there = np.where(inside, y * image.shape[1] + x, 0)
+            distance = np.zeros(len(ours), np.float32)
             for word in range(words):  # a sum along so short an axis takes longer than all the rest
-                distance += np.bitwise_count(ours[chosen, word] ^ theirs[there, word])
-            best[chosen] = np.minimum(best[chosen], distance)
-            total[chosen] += distance
-            count[chosen] += 1
-    mean = (total / np.maximum(count, 1)).astype(np.float32)
-    return Around(best.reshape(rows, cols), mean.reshape(rows, cols))
+                distance += np.bitwise_count(ours[:, word] ^ theirs[there, word])
+            yield (distance * inside).reshape(rows, cols), inside.reshape(rows, cols)
+
+
+def smallest(
+    query: Signs, image: Signs, grid: Grid, at: NDArray[np.floating], reach: float, sigma: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the smallest distance over the displacements, alone and supported by the cells around.
+
+    Args:
+        query: as the others, that of ``displaced``.
+        image: likewise.
+        grid: likewise.
+        at: likewise.
+        reach: likewise.
+        sigma: of the Gaussian of the support, cells; cells without a descriptor in the map image have no weight.
+
+    Returns:
+        float32 [rows, cols] bits each; NOWHERE where the map image does not reach.
+    """
+    alone = np.full(query.shape[:2], NOWHERE)
+    supported = alone.copy()
+    for distance, inside in displaced(query, image, grid, at, reach):
+        np.minimum(alone, np.where(inside, distance, NOWHERE), out=alone)
+        weight = _blurred(inside.astype(np.float32), sigma)  # at least the cell's own share where it is inside
+        around = np.divide(_blurred(distance, sigma), weight, out=np.full_like(distance, NOWHERE), where=inside)
+        np.minimum(supported, around, out=supported)
+    return alone, supported
+
+
+def _blurred(values: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+    return np.asarray(cv2.GaussianBlur(values, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT), np.float32)

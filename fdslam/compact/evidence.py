@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.compact.alignment import Aligned
-from fdslam.compact.comparison import NOWHERE, around
+from fdslam.compact.comparison import NOWHERE, smallest
 from fdslam.compact.grid import Grid
 from fdslam.compact.partners import missing_words, new_keypoints
 from fdslam.compact.signs import Signs
@@ -49,29 +49,30 @@ def evidence(
         size: its height and width, pixels.
         images: the map images it is aligned with, best first; none: nothing is known.
         map_looks: from a map id to its dense descriptors.
-        config: ``reach`` and ``word_distance``.
+        config: ``reach``, ``word_reach``, ``word_distance``, and the support of either stride.
 
     Returns:
         Cells, float32 [rows, cols]: ``fine`` and ``coarse``, the smallest share of bits that differ, 0 … 1, over the
-        images, and the mean share where no image reaches; ``fine usual`` and ``coarse usual``, what that share is on
-        average within ``reach``: where it is hardly larger, one thing looks like another; ``words``, the share of the
+        images and supported by the cells around, and the mean share where no image reaches; ``fine alone`` and
+        ``coarse alone``, likewise of each descriptor by itself; ``words``, the share of the
         keypoints around without a partner; ``missing``, the share of the words around that should be seen and are not;
         ``texture``, the density of keypoints; ``near`` and ``wide``, how many agreeing keypoints are around. And
         ``inliers``, float32 [images]: how many agree with each image.
     """
     side = math.sqrt(size[0] * size[1])
-    radius = config.reach / 100 * side
+    radius, around = config.reach / 100 * side, config.word_reach / 100 * side
     found: Arrays = {}
     for level, name in enumerate(LEVELS):
-        share, usual = _compared(looks, level, images, map_looks, radius)
-        found[name] = looks.grids[level].to_cells(share, *size)
-        found[f"{name} usual"] = looks.grids[level].to_cells(usual, *size)
+        sigma = (config.fine_support, config.coarse_support)[level]
+        alone, supported = _compared(looks, level, images, map_looks, radius, sigma)
+        found[name] = looks.grids[level].to_cells(supported, *size)
+        found[f"{name} alone"] = looks.grids[level].to_cells(alone, *size)
     spread = Comparison(spread="normalised", spread_sigma=SIGMA, spread_prior=PRIOR)
-    alone = new_keypoints(query, images, radius) > config.word_distance
-    found["words"] = keypoints_to_cells(query.xy, alone.astype(np.float32), *size, spread)
+    without = new_keypoints(query, images, around) > config.word_distance
+    found["words"] = keypoints_to_cells(query.xy, without.astype(np.float32), *size, spread)
     found["missing"] = np.zeros(grid_shape(*size), np.float32)
     for one in images:
-        place, distance = missing_words(query, one, size, radius)
+        place, distance = missing_words(query, one, size, around)
         lost = (distance > config.word_distance).astype(np.float32)
         found["missing"] += keypoints_to_cells(place, lost, *size, spread) / len(images)
     found["texture"] = _density(query.xy, size)
@@ -81,25 +82,25 @@ def evidence(
 
 
 def _compared(
-    looks: Looks, level: int, images: Sequence[Aligned], map_looks: Callable[[int], Looks], radius: float
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the smallest share of the bits that differ, and what it is on average around, on the grid of a level.
+    looks: Looks, level: int, images: Sequence[Aligned], map_looks: Callable[[int], Looks], radius: float, sigma: float
+) -> list[NDArray[np.float32]]:
+    """Return the smallest share of the bits that differ, alone and supported, on the grid of a level.
 
-    The second is of the image in which the first was found. Where no image reaches, both are the mean of elsewhere.
+    Where no image reaches it is the mean of elsewhere.
     """
-    signs, grid, bits = looks.signs[level], looks.grids[level], np.float32(looks.bits[level])
-    best = np.full(signs.shape[:2], NOWHERE, np.int32)
-    usual = np.zeros(signs.shape[:2], np.float32)
+    signs, grid = looks.signs[level], looks.grids[level]
+    best: list[NDArray[np.float32]] = [np.full(signs.shape[:2], NOWHERE)] * 2
     centres = grid.centres()
     for one in images:
         other = map_looks(one.image)
-        found = around(signs, other.signs[level], other.grids[level], one.to_map.at(centres), radius)
-        better = found.smallest < best
-        best, usual = np.where(better, found.smallest, best), np.where(better, found.mean, usual)
-    known = best < NOWHERE
-    filled = (np.where(known, values, values[known].mean() if known.any() else 0) for values in (best, usual))
-    smallest, mean = ((values / bits).astype(np.float32) for values in filled)
-    return smallest, mean
+        at = one.to_map.at(centres)
+        found = smallest(signs, other.signs[level], other.grids[level], at, radius, sigma)
+        best = [np.minimum(*pair) for pair in zip(best, found, strict=True)]
+    known = best[0] < NOWHERE
+    if not known.any():
+        return [np.zeros_like(values) for values in best]
+    filled = (np.where(known, values, values[known].mean()) / looks.bits[level] for values in best)
+    return [values.astype(np.float32) for values in filled]
 
 
 def _density(xy: NDArray[np.float32], size: tuple[int, int]) -> Cells:

@@ -35,9 +35,14 @@ NEITHER = 2
 
 
 def fd_of(found: Localization, hypotheses: NDArray[np.int64], size: tuple[int, int], images: int, config: Fd) -> Cells:
-    """Return FD's level of a query's cells, by the ranks alone."""
-    ranks = found.ranks[:, hypotheses].astype(np.int32)
-    return fd_level(loc_cells(found.boxes.xyxy, ranks, *size, config), images)
+    """Return FD's level of a query's cells, by the ranks alone and without the OBBs of a detector of objects.
+
+    Those would tell where objects are. Made-up changes are none, and real objects of the map, which are labelled as
+    unchanged, are: the learner would take a box for a sign that nothing has changed.
+    """
+    told = np.array([source != "YOLO" for source in found.boxes.source], bool)
+    ranks = found.ranks[told][:, hypotheses].astype(np.int32)
+    return fd_level(loc_cells(found.boxes.xyxy[told], ranks, *size, config), images)
 
 
 def made_up(config: Early, images: int) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,8 @@ SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
 LIBRARIES = ("pillow", "opencv-python-headless", "numpy")  # whose versions decide what an image looks like
 MAX_PIXELS = 64_000_000  # a decoded RGB image then takes at most 192 MB
 MIN_SIDE = 16  # pixels: below this no keypoint, no cell grid means anything
+KEPT_PIXELS = 8_000_000  # of the last image that was read, 24 MB
+SETTLED = 2_000_000_000  # ns: after a change this long ago another one has another time
 _EXIF_ORIENTATION, _EXIF_TRANSPOSED = 0x0112, (5, 6, 7, 8)
 
 
@@ -33,6 +36,10 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):  # too long for the file system, or with a NUL
         return False
+
+
+_Version = tuple[str, int, int, int, int]  # path, inode, size, times of change in ns
+_last: dict[str, tuple[_Version, Image]] = {}  # one image; what is replaced is the whole entry, so threads may share it
 
 
 @contextmanager
@@ -65,21 +72,46 @@ def _bounded(path: Path, image: Pillow.Image) -> tuple[int, int]:
         raise InputError(f"{path}: {width}×{height} pixels is above the limit of {MAX_PIXELS:,}; scale it down first")
     if min(width, height) < MIN_SIDE:
         raise InputError(f"{path}: {width}×{height} pixels is too small, at least {MIN_SIDE} on a side are needed")
-    turned = image.getexif().get(_EXIF_ORIENTATION) in _EXIF_TRANSPOSED
+    # Of a TIFF Pillow itself tells the upright size.
+    turned = image.format != "TIFF" and image.getexif().get(_EXIF_ORIENTATION) in _EXIF_TRANSPOSED
     return (width, height) if turned else (height, width)
 
 
 def read_image(path: Path) -> Image:
     """Return the image as uint8 RGB [H, W, 3], turned upright by its EXIF orientation.
 
+    The last image is remembered: the stages of one query read the same file one after the other.
+
     Raises:
         InputError: as ``image_size``; also a truncated file or more than 8 bit a channel.
     """
+    version = _version(path)
+    known = _last.get("image")
+    if version is not None and known is not None and known[0] == version:
+        return known[1].copy()
+    image = _decoded(path)
+    if version is not None and image.shape[0] * image.shape[1] <= KEPT_PIXELS:
+        _last["image"] = version, image.copy()
+    return image
+
+
+def _version(path: Path) -> _Version | None:
+    """Return what tells a file from all that it was before; None where it has just been written, or is not there."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return None
+    settled = time.time_ns() - max(found.st_mtime_ns, found.st_ctime_ns) > SETTLED
+    return (str(path), found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns) if settled else None
+
+
+def _decoded(path: Path) -> Image:
     with _opened(path) as image:
         _bounded(path, image)
         if image.mode.startswith(("I", "F")):
             raise InputError(f"{path}: more than 8 bit a channel (mode {image.mode}); convert it to 8 bit first")
-        return np.array(ImageOps.exif_transpose(image).convert("RGB"))
+        ImageOps.exif_transpose(image, in_place=True)  # otherwise, and by conversion to what it is, Pillow copies it
+        return np.array(image if image.mode == "RGB" else image.convert("RGB"))
 
 
 def enlarge(image: NDArray[np.uint8], min_side: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:

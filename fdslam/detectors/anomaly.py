@@ -36,7 +36,7 @@ def _addresses(context: Context, places: PlaceModels) -> list[Key]:
     for query, frame in enumerate(context.dataset.query):
         inputs = [frame.digest]
         for place in _places_of(context, places.label, query):
-            inputs += [places.keys[place], *map(float.hex, places.models[place].held_out[settings.error])]
+            inputs += [places.keys[place], *map(float.hex, places.held_out[place][settings.error])]
         if settings.region == "obb":
             boxes = context.localizations[query].library.xyxy
             inputs.append(hashlib.sha256(np.ascontiguousarray(boxes).tobytes()).hexdigest())
@@ -71,8 +71,7 @@ def detect(context: Context) -> Detected:
     addresses = _addresses(context, found)
     # In double precision, or the division would make equals of neighbours and c would change a ranking.
     loc = [a["cz"].astype(np.float64) / config.ad.c for a in context.fetch(STAGE, addresses, cells, "AD")]
-    weights = sum(weight.nbytes for model in found.models for weight in model.weights.values())
-    return Detected(loc, weights / len(data.map))
+    return Detected(loc, found.nbytes / len(data.map))
 
 
 def _pixels(context: Context, each: list[NDArray[np.float32]], query: int) -> Cells:
@@ -82,7 +81,7 @@ def _pixels(context: Context, each: list[NDArray[np.float32]], query: int) -> Ce
 
 def _z(context: Context, found: PlaceModels, place: int, query: int, image: Tensor) -> NDArray[np.float32]:
     """Return a query's z under the AE of a place: at the AE's pixels, or on cells with ``ad.region: obb``."""
-    settings, frame, model = context.config.ad, context.dataset.query[query], found.models[place]
+    settings, frame, model = context.config.ad, context.dataset.query[query], found.model(place)
     mu, sigma = model.held_out[settings.error]
     error = reconstruction_error(model.weights, image, context.config.device, settings.error)[0]
     z = z_score(error, mu, sigma)

@@ -163,8 +163,7 @@ class Segmentation:
             )
         present = np.unique(self.labels_of_classes)
         maps = [logits[self.labels_of_classes == label].max(axis=0).astype(np.float32) for label in present]
-        full = np.stack([cv2.resize(one, size, interpolation=cv2.INTER_LINEAR) for one in maps])
-        return present[full.argmax(axis=0)]
+        return _winners(maps, present, size)
 
     def _looked_up(self, output: NDArray) -> NDArray[np.uint8]:
         numbers = output.reshape(
@@ -179,3 +178,17 @@ class Segmentation:
                 f"{len(self.labels_of_classes)}; choose the label map that the model was trained with"
             )
         return self.labels_of_classes[numbers]
+
+
+def _winners(maps: list[NDArray[np.float32]], names: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """Return the name of the map that is largest at each pixel, the first of equals, at ``size`` = (width, height)."""
+    best = np.asarray(cv2.resize(maps[0], size, interpolation=cv2.INTER_LINEAR))
+    found = np.full(best.shape, names[0])
+    # In one buffer, and against the best so far: all maps at full size would take longer to allocate than to compare.
+    one, better = np.empty_like(best), np.empty_like(found)
+    for name, values in zip(names[1:], maps[1:], strict=True):
+        cv2.resize(values, size, dst=one, interpolation=cv2.INTER_LINEAR)
+        cv2.compare(one, best, cv2.CMP_GT, dst=better)
+        cv2.max(one, best, dst=best)
+        np.copyto(found, name, where=better.view(bool))
+    return found

@@ -65,6 +65,13 @@ def test_the_command_writes_all_places(exported, tmp_path, capsys):
     assert [row["map_file"] for row in rows] == [f"map/{i:02d}.png" for i in range(6)]
     assert {row["place"] for row in rows} == {"0", "1"}
     assert OnnxPlace.load(out / "place_1.onnx").z(np.zeros((40, 60, 3), np.uint8)).ndim == 2
+    assert export_autoencoders.main([str(out), *given]) == 0  # over the same places
+    (out / "place_x.onnx").touch()  # nobody's
+    before = {path: path.read_bytes() for path in out.iterdir()}
+    capsys.readouterr()
+    assert export_autoencoders.main([str(out), *given, "ad.k=1"]) == 2
+    assert "holds place_1.onnx, of an export with more places than the 1 of this map" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in out.iterdir()} == before
 
 
 @pytest.mark.parametrize(

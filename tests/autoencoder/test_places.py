@@ -114,3 +114,26 @@ def test_missing_statistics_are_the_mean_of_the_others():
     alone = fill_statistics([stub(None, (0.5, 0.25)), stub(None, (0.4, 0.2))])
     assert [m.held_out["l1"] for m in alone] == [(0.5, 0.25), (0.4, 0.2)]
     assert fill_statistics([]) == ()
+
+
+@pytest.mark.parametrize("train", [train_apart, train_together])
+@pytest.mark.parametrize(("count", "epochs"), [(1, 4), (1, 1), (5, 1)])
+def test_a_diverging_training_names_its_place_and_the_way_out(train, count, epochs):
+    config = replace(SMALL, epochs=epochs)
+    config.learning_rate = 1e30  # what the schema refuses; in one epoch of one step no loss has seen the weights yet
+    with pytest.raises(InputError, match=r"of the quad diverged in epoch [12]: ad.learning_rate=1e\+30 is too high"):
+        fit_places([place(count)], config, 0, train=train, names=["the quad"])
+
+
+@pytest.mark.parametrize("spoilt", ["loss", "weights"])
+def test_what_is_not_finite_is_never_a_model(monkeypatch, spoilt):
+    def train(jobs, device, keeper, name):
+        train_apart(jobs, device, keeper, name)
+        if spoilt == "weights":
+            jobs[1].weights["decoder.7.bias"][0] = np.inf  # a white output: every loss is finite
+        else:
+            jobs[1].losses.pop()
+            jobs[1].end_epoch(np.nan, None)
+
+    with pytest.raises(InputError, match="of place 1 diverged in epoch 4"):
+        fit_places([place(1), place(1, 1)], SMALL, 0, train=train)

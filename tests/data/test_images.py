@@ -1,3 +1,5 @@
+import os
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -36,12 +38,16 @@ def test_other_modes_become_rgb(saved, mode):
     assert image.dtype == np.uint8
 
 
-def test_exif_rotation_is_applied_to_size_and_pixels(saved):
+@pytest.mark.parametrize(("suffix", "mode"), [("png", None), ("png", "L"), ("tiff", None)])
+def test_exif_rotation_is_applied_to_size_and_pixels(saved, suffix, mode):
     exif = Image.Exif()
     exif[0x0112] = 6  # turn 90° clockwise to see it upright
-    path = saved("a.png", exif=exif)
+    expected = read_image(saved(f"b.{suffix}", mode=mode))
+    path = saved(f"a.{suffix}", mode=mode, exif=exif)
     assert image_size(path) == (60, 40)
-    assert np.array_equal(read_image(path), np.rot90(picture(), -1))
+    found = read_image(path)
+    assert np.array_equal(found, np.rot90(expected, -1))
+    assert found.flags.writeable
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tiff"])
@@ -86,3 +92,57 @@ def test_labels_must_fit(saved):
         read_labels(saved("colour.png"), 40, 60, 5)
     with pytest.raises(InputError, match=r"holds the label 4; labels are 0 to 3"):
         read_labels(path, 40, 60, 4)
+
+
+@pytest.fixture
+def decoded(monkeypatch):
+    """The files that were decoded; every file counts as written long ago."""
+    names, decode = [], images._decoded
+    monkeypatch.setattr(images, "_decoded", lambda path: names.append(path.name) or decode(path))
+    monkeypatch.setattr(images, "SETTLED", -(10**18))
+    monkeypatch.setattr(images, "_last", {})
+    return names
+
+
+def test_the_last_image_alone_is_remembered(saved, decoded, monkeypatch):
+    a, b = saved("a.png"), saved("b.png", picture()[::-1].copy())
+    first = read_image(a)
+    first[:] = 0  # whoever paints on it, paints on a copy
+    again = read_image(a)
+    assert np.array_equal(again, picture())
+    again[:] = 0
+    assert np.array_equal(read_image(a), picture())
+    assert decoded == ["a.png"]
+    assert np.array_equal(read_image(b), picture()[::-1])
+    read_image(a)
+    assert decoded == ["a.png", "b.png", "a.png"]
+    monkeypatch.setattr(images, "KEPT_PIXELS", 2000)
+    large = saved("large.png", picture(50, 60))
+    read_image(large)
+    read_image(large)
+    assert decoded[3:] == ["large.png"] * 2
+    assert [*images._last] == ["image"]
+
+
+def test_a_file_that_changes_is_read_again(saved, decoded):
+    path = saved("a.bmp")
+    before = path.stat()
+    read_image(path)
+    saved("a.bmp", picture()[::-1].copy())
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))  # of the same size and age
+    assert path.stat().st_size == before.st_size
+    assert np.array_equal(read_image(path), picture()[::-1])
+    other = saved("b.bmp")
+    os.utime(other, ns=(before.st_atime_ns, before.st_mtime_ns))
+    other.replace(path)
+    assert np.array_equal(read_image(path), picture())
+    path.unlink()
+    with pytest.raises(InputError, match="no such image"):
+        read_image(path)
+
+
+def test_a_file_just_written_is_not_remembered(saved, monkeypatch):
+    monkeypatch.setattr(images, "_last", {})
+    path = saved("a.bmp")
+    read_image(path)
+    assert images._last == {}  # a second change might have the time of the first

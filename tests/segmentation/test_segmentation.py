@@ -77,6 +77,16 @@ def test_coarse_logits_are_brought_to_the_image_s_size(size, tmp_path):
     assert np.array_equal(slow(logits[0], labels_of(CITYSCAPES_19), (16, 16)), winner)
 
 
+def test_the_first_of_equals_wins(tmp_path, monkeypatch):
+    model = Segmentation(asked(painter(tmp_path / "m.onnx", 5), label_map="campus"))
+    rng = np.random.default_rng(2)
+    coarse = rng.integers(-1, 2, (1, 5, 6, 4)).astype(np.float32)  # many ties, also between pixels
+    monkeypatch.setattr(type(model.model), "run", lambda *_: [coarse])
+    found = model.labels(np.zeros((90, 52, 3), np.uint8))
+    assert found.dtype == np.uint8
+    assert np.array_equal(found, slow(coarse[0], np.arange(5), (52, 90)))
+
+
 def test_coarse_numbers_are_brought_there_by_the_nearest(tmp_path):
     """Between sky (0) and object (4) lies no ground: numbers are names and cannot be mixed."""
     model = Segmentation(asked(painter(tmp_path / "m.onnx", 5, kind="numbers", factor=8), label_map="campus"))
