@@ -1,8 +1,8 @@
 """What early fusion looks at: the evidence of each cell, how it stands out in its image, and its surroundings.
 
 Neither where the cell is nor what a detector of objects says: a fixed blob or objectness cannot be learned from these.
-Nor anything that is the same for the whole image, as how many keypoints agree: with as few images as a map has, a learner
-takes such numbers for the images themselves.
+Nor anything that is the same for the whole image, as how many keypoints agree: with as few images as a map has, a
+learner takes such numbers for the images themselves.
 """
 
 from __future__ import annotations
