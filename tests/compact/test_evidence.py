@@ -47,7 +47,7 @@ def check(found):
             assert found[name].shape == SHAPE, name
             assert found[name].dtype == np.float32, name
             assert np.isfinite(found[name]).all(), name
-    for name in ("fine", "coarse", "fine usual", "coarse usual", "words", "missing"):
+    for name in ("fine", "coarse", "fine alone", "coarse alone", "words", "missing"):
         assert 0 <= found[name].min() <= found[name].max() <= 1 + 1e-6, name
 
 
@@ -56,7 +56,7 @@ def test_without_an_aligned_image_nothing_is_known(count):
     query = keypoints(1, count)
     found = evidence(query, looks(1), SIZE, [], {}.__getitem__, Compact())
     check(found)
-    for name in ("fine", "coarse", "fine usual", "coarse usual", "missing", "near", "wide"):
+    for name in ("fine", "coarse", "fine alone", "coarse alone", "missing", "near", "wide"):
         assert len(np.unique(found[name])) == 1, name
     assert found["inliers"].shape == (0,)
     # No keypoint has a partner: the share of those is as the density of keypoints lets it be.
@@ -72,18 +72,17 @@ def test_the_smallest_share_of_several_images():
     found = evidence(query, ours, SIZE, images, theirs.__getitem__, config)
     check(found)
     reach = 0.04 * np.sqrt(SIZE[0] * SIZE[1])
-    for level, name in enumerate(("fine", "coarse")):
-        far = 10**6
+    for level, (name, sigma) in enumerate((("fine", config.fine_support), ("coarse", config.coarse_support))):
         each = []
         for one in images:
             at = one.to_map.at(GRIDS[level].centres())
-            each.append(plain.around(ours.signs[level], theirs[one.image].signs[level], GRIDS[level], at, reach, far))
-        smallest = np.minimum(each[0][0], each[1][0])
-        usual = np.where(each[1][0] < each[0][0], each[1][1], each[0][1])
-        assert (smallest < far).all()
-        for expected, what in ((smallest, name), (usual, f"{name} usual")):
-            cells = GRIDS[level].to_cells((expected / BITS[level]).astype(np.float32), *SIZE)
-            assert np.allclose(found[what], cells, atol=1e-6), what
+            signs = theirs[one.image].signs[level]
+            each.append(plain.smallest(ours.signs[level], signs, GRIDS[level], at, reach, sigma, np.inf))
+        for what, pair in zip((f"{name} alone", name), zip(*each, strict=True), strict=True):
+            smallest = np.minimum(*pair)
+            assert np.isfinite(smallest).all()
+            cells = GRIDS[level].to_cells((smallest / BITS[level]).astype(np.float32), *SIZE)
+            assert np.allclose(found[what], cells, atol=1e-4), what
     assert found["inliers"].tolist() == [30, 30]
 
 
@@ -92,9 +91,10 @@ def test_where_no_image_reaches_it_is_as_elsewhere():
     found = evidence(keypoints(1, 5), ours, SIZE, [laid(0, keypoints(2, 5), (90, 0))], lambda m: ours, Compact())
     check(found)
     # The query's right half is outside of the map image.
-    right = found["fine"][:, 12:]
-    assert np.ptp(right) < 1e-6
-    assert found["fine"][:, :6].mean() == pytest.approx(right.mean(), abs=0.03)
+    for name in ("fine", "fine alone"):
+        right = found[name][:, 12:]
+        assert np.ptp(right) < 1e-6
+        assert found[name][:, :6].mean() == pytest.approx(right.mean(), abs=0.03)
     nowhere = evidence(keypoints(1, 5), ours, SIZE, [laid(0, keypoints(2, 5), (9000, 0))], lambda m: ours, Compact())
     check(nowhere)
     assert not nowhere["fine"].any()
@@ -109,14 +109,14 @@ def test_the_same_scene_shows_change_only_where_something_changed():
     inside = ((query.xy > (40, 32)) & (query.xy < (80, 64))).all(axis=1)
     changed = Features(query.xy, np.where(inside[:, None], ~query.descriptors, query.descriptors))
     other = laid(0, query)
-    config = Compact(reach=0.5)
+    config = Compact(reach=0, word_reach=0.5, fine_support=0.3, coarse_support=0.3)
     found = evidence(changed, Looks(signs, GRIDS, BITS), SIZE, [other], lambda m: ours, config)
     check(found)
     far = np.ones(SHAPE, bool)
-    far[1:9, 2:11] = False
+    far[0:10, 1:12] = False
     assert found["fine"][5, 6] > 0.9
     assert found["coarse"][5, 6] > 0.9
-    assert found["fine"][far].max() == 0
+    assert found["fine"][far].max() < 1e-3
     assert found["words"][4:6, 5:8].max() > 0.3
     # A Gaussian reaches four σ: 6 cells. There is no trace of it further away.
     assert found["words"][:, 15:].max() == 0
@@ -161,5 +161,7 @@ def test_the_threshold_is_that_of_the_configuration():
     ours = looks(1)
     assert NONE > 256
     for bits, found in ((7, True), (8, False)):
-        share = evidence(query, ours, SIZE, [laid(0, other)], lambda m: ours, Compact(word_distance=bits, reach=0.1))
+        share = evidence(
+            query, ours, SIZE, [laid(0, other)], lambda m: ours, Compact(word_distance=bits, word_reach=0.1)
+        )
         assert bool(share["words"].any()) == bool(share["missing"].any()) == found

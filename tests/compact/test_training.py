@@ -21,7 +21,7 @@ from fdslam.errors import InputError
 from fdslam.mapping import BowMap
 from fdslam.obb import Library
 from fdslam.store import Store
-from fdslam.types import CELL
+from fdslam.types import CELL, Boxes, Localization
 from tests.compact.walks import config_for, walk
 
 
@@ -208,6 +208,23 @@ def test_another_round_makes_up_other_changes(trained):
     kept = compact_map(context)
     one, two = (pseudo_rows(context, kept, 3, turn) for turn in (0, 1))
     assert not np.array_equal(one["features"], two["features"])
+
+
+def test_the_boxes_of_a_detector_of_objects_are_not_told():
+    rng = np.random.default_rng(0)
+    xyxy = np.array([[0, 0, 80, 120], [80, 0, 160, 60], [20, 20, 60, 60], [90, 70, 150, 110]], np.float32)
+    ranks = rng.integers(1, 13, (4, 12)).astype(np.int32)
+    top = np.array([3, 5, 1])
+
+    def level(rows, names):
+        boxes = Boxes(xyxy[rows], names)
+        found = Localization(boxes, ranks[rows], np.arange(12, dtype=np.int32), boxes)
+        return training.fd_of(found, top, (120, 160), 12, Fd())
+
+    plain = level([0, 1], ("J", "B"))
+    assert np.array_equal(level([0, 1, 2, 3], ("J", "B", "YOLO", "YOLO")), plain)
+    assert not np.array_equal(level([0, 1, 2, 3], ("J", "B", "BING", "BING")), plain)
+    assert np.isfinite(level([2], ("YOLO",))).all()
 
 
 def test_what_decides_whether_a_map_is_trained_on():

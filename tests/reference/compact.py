@@ -12,22 +12,39 @@ def centre(grid, row, col):
     return (col + 0.5) * grid.step_x, (row + 0.5) * grid.step_y
 
 
-def around(query, image, grid, at, reach, nowhere):
-    """The smallest and the mean distance of each descriptor to those whose centres are within reach in x and in y."""
+def displaced(query, image, grid, at, reach):
+    """For every whole displacement within reach of the nearest descriptor: distances, None where the image ends."""
     rows, cols, _ = query.shape
-    smallest, mean = np.full((rows, cols), nowhere), np.zeros((rows, cols))
-    for i, (x, y) in enumerate(np.asarray(at, float).tolist()):
-        found = []
-        for row in range(image.shape[0]):
-            for col in range(image.shape[1]):
-                u, v = centre(grid, row, col)
-                # What lies at exactly the reach counts, whatever rounding makes of it.
-                if abs(u - x) <= reach + 1e-6 and abs(v - y) <= reach + 1e-6:
-                    found.append(hamming(query[i // cols, i % cols], image[row, col]))
-        if found:
-            smallest[i // cols, i % cols] = min(found)
-            mean[i // cols, i % cols] = sum(found) / len(found)
-    return smallest, mean
+    down, across = (math.ceil(round(reach / step, 6)) for step in (grid.step_y, grid.step_x))
+    for dy in range(-down, down + 1):
+        for dx in range(-across, across + 1):
+            found = []
+            for i, (x, y) in enumerate(np.asarray(at, float).tolist()):
+                row, col = round(y / grid.step_y - 0.5) + dy, round(x / grid.step_x - 0.5) + dx
+                there = 0 <= row < image.shape[0] and 0 <= col < image.shape[1]
+                found.append(hamming(query[i // cols, i % cols], image[row, col]) if there else None)
+            yield [found[cols * row : cols * (row + 1)] for row in range(rows)]
+
+
+def smallest(query, image, grid, at, reach, sigma, nowhere):
+    """The smallest distance of each descriptor, alone, and averaged over the cells around at equal displacements."""
+    rows, cols, _ = query.shape
+    alone, supported = np.full((rows, cols), nowhere), np.full((rows, cols), nowhere)
+    far = round(8 * sigma + 1) // 2  # of the window, cells
+    for distance in displaced(query, image, grid, at, reach):
+        for row in range(rows):
+            for col in range(cols):
+                if distance[row][col] is None:
+                    continue
+                total = weights = 0.0
+                for y in range(max(0, row - far), min(rows, row + far + 1)):
+                    for x in range(max(0, col - far), min(cols, col + far + 1)):
+                        if distance[y][x] is not None:
+                            weight = math.exp(-((y - row) ** 2 + (x - col) ** 2) / (2 * sigma**2))
+                            total, weights = total + weight * distance[y][x], weights + weight
+                alone[row, col] = min(alone[row, col], distance[row][col])
+                supported[row, col] = min(supported[row, col], total / weights)
+    return alone, supported
 
 
 def gaussian_sum(at, points, sigma):
