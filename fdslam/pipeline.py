@@ -14,7 +14,7 @@ from fdslam.config import COMPACT, Config
 from fdslam.context import Context
 from fdslam.controls import CONTROLS, control, objectness
 from fdslam.data import load_datasets, outline, outline_of
-from fdslam.detectors import DETECTORS
+from fdslam.detectors.registry import DETECTORS
 from fdslam.errors import InputError
 from fdslam.estimate import announce
 from fdslam.fusion import fuse

@@ -8,7 +8,7 @@ from onnx import TensorProto, helper
 
 import fdslam.onnx_model as module
 from fdslam.errors import InputError
-from fdslam.onnx_model import load_model
+from fdslam.onnx_model import load_model, make_session
 from fdslam.store import sha256_file
 from tests.onnx_models import colour_finder, constant, model
 
@@ -216,3 +216,21 @@ def test_cuda_only_where_onnxruntime_has_it_and_said_where_not(path, monkeypatch
     monkeypatch.setattr(module.onnxruntime, "get_available_providers", lambda: ["CUDAExecutionProvider"])
     assert module._provider("cuda:0") == "CUDAExecutionProvider"
     assert module._provider("cpu") == "CPUExecutionProvider"
+
+
+def test_a_part_of_a_model_is_run_as_the_whole(path, tmp_path):
+    found = load(path)
+    image = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.float32)
+    part = onnx.load(path)
+    del part.graph.output[:]
+    part.graph.output.append(helper.make_tensor_value_info("p8", TensorProto.FLOAT, [1, 3, 8, 8]))
+    session = make_session("part", part.SerializeToString(), 1, found.provider)
+    [pooled] = found.run_part(session, image)
+    assert np.allclose(pooled[0].transpose(1, 2, 0), image.reshape(8, 8, 8, 8, 3).mean(axis=(1, 3)), rtol=1e-5)
+    assert np.array_equal(found.run_part(found.session, image)[0], found.run(image)[0])
+    last = load(colour_finder(tmp_path / "last.onnx", "yolox", planar=False))
+    assert np.array_equal(last.run_part(last.session, image)[0], found.run(image)[0])
+    with pytest.raises(InputError, match=r"m\.onnx: does not run on one image of 32×64 pixels"):
+        found.run_part(session, image[:32])
+    with pytest.raises(InputError, match="part: not a whole ONNX model"):
+        make_session("part", b"torn", 1, found.provider)

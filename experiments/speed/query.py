@@ -35,7 +35,8 @@ from fdslam.config import Config
 from fdslam.context import Context, Words
 from fdslam.data.campus import World
 from fdslam.data.images import read_image
-from fdslam.detectors import DETECTORS, comparison, support
+from fdslam.detectors import comparison, support
+from fdslam.detectors.registry import DETECTORS
 from fdslam.fusion import fuse
 from fdslam.harris_laplace import harris_laplace, sift
 from fdslam.hypotheses import hypotheses

@@ -23,9 +23,9 @@ from fdslam.config import Ad, Config, Evaluation, Fd, Folder, Obb, Pc, Yolo
 from fdslam.context import Context
 from fdslam.data.folder import read_folder
 from fdslam.data.images import read_image
-from fdslam.detectors import DETECTORS
 from fdslam.detectors.comparison import keypoints_to_cells
 from fdslam.detectors.fault_diagnosis import loc_cells
+from fdslam.detectors.registry import DETECTORS
 from fdslam.errors import InputError
 from fdslam.localization import localize
 from fdslam.mapping import BowMap

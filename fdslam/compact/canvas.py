@@ -22,6 +22,7 @@ COARSEST = 32  # of the networks: tiles begin at its multiples
 OVERLAP = 64  # least overlap of neighbouring tiles, scaled pixels
 LONG = 1.5  # from this ratio of the image's aspect to the input's on, tiles
 LARGER = 1.25  # most that an image is enlarged
+SMALLER = 0.99  # step by which it shrinks until the cells that its border cuts have room too
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,21 @@ class Canvas:
 
 
 def most_pixels(config: Dense) -> float:
-    """Return how many scaled pixels an image may have for its descriptors to fit into ``kilobytes``."""
-    a_pixel = sum(
-        bits / 8 / stride**2 for bits, stride in zip((config.fine_bits, config.coarse_bits), STRIDES, strict=True)
-    )
+    """Return about how many scaled pixels an image may have for its descriptors to fit into ``kilobytes``."""
+    a_pixel = sum(each / stride**2 for each, stride in zip(_each(config), STRIDES, strict=True))
     return 1000 * config.kilobytes / a_pixel
+
+
+def _each(config: Dense) -> tuple[float, float]:
+    """Return the bytes of a descriptor, fine and coarse."""
+    return config.fine_bits / 8, config.coarse_bits / 8
+
+
+def _bytes(height: int, width: int, config: Dense) -> float:
+    """Return the bytes of the descriptors of an image of so many scaled pixels."""
+    return sum(
+        each * -(-height // stride) * -(-width // stride) for each, stride in zip(_each(config), STRIDES, strict=True)
+    )
 
 
 def canvas_of(height: int, width: int, tile_height: int, tile_width: int, config: Dense) -> Canvas:
@@ -71,6 +82,8 @@ def canvas_of(height: int, width: int, tile_height: int, tile_width: int, config
         config: the bytes that there are.
     """
     bound = min(math.sqrt(most_pixels(config) / (height * width)), LARGER)
+    while _bytes(_side(height, bound), _side(width, bound), config) > 1000 * config.kilobytes:
+        bound *= SMALLER
     if not tile_height or not tile_width:
         h, w = _side(height, bound), _side(width, bound)
         return Canvas(h, w, -(-h // COARSEST) * COARSEST, -(-w // COARSEST) * COARSEST, (0,), (0,))

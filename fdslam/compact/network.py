@@ -129,7 +129,7 @@ def truncated(data: bytes, height: int, width: int, where: str) -> tuple[bytes, 
     model = onnx.shape_inference.infer_shapes(model)
     shapes = {
         value.name: [one.dim_value for one in value.type.tensor_type.shape.dim]
-        for value in (*model.graph.value_info, *model.graph.input)
+        for value in (*model.graph.value_info, *model.graph.input, *model.graph.output)
     }
     layers = []
     for stride in STRIDES:

@@ -108,6 +108,45 @@ def test_a_stored_vocabulary_goes_on_as_if_never_stored(seed, switches, count):
     assert list(stored.held(learned[0])) == list(whole.held(learned[0])) == list(replayed.held(learned[0]))
 
 
+def without(words, descriptors, ratio):
+    """The word of each descriptor among some words (id to descriptor) alone."""
+    ids = sorted(words)
+    found = reference.match(descriptors, [words[i] for i in ids], ratio)
+    return [NO_WORD if i < 0 else ids[i] for i in found]
+
+
+@given(st.integers(0, 10_000), SWITCHES, st.integers(0, 6), st.sampled_from([20, 100_000]))
+def test_words_that_are_left_out_are_as_if_they_were_not_there(seed, switches, left, exact_below):
+    vocabulary, held = with_switches(switches, exact_below), {}
+    vocabulary.words.depth = 8  # 64 lists or more: all of them
+    for descriptors in images(seed, count=7, each=10):
+        for word, descriptor in zip(vocabulary.learn(descriptors).tolist(), descriptors, strict=True):
+            held.setdefault(word, descriptor)
+    ids = np.array(sorted(held), np.int32)
+    held = {word: held[word] for word in ids[vocabulary.held(ids) != NO_WORD].tolist()}
+    [query] = images(seed + 1, count=1, each=20)
+    query = np.concatenate([query, [held[word] for word in [*held][:10]]]).astype(np.uint8)
+    for leave in (vocabulary.born(left), (0, 0), (3, 9), (0, len(vocabulary))):
+        others = {word: row for word, row in held.items() if not leave[0] <= word < leave[1]}
+        found = vocabulary.match(query, leave=leave)
+        assert found.dtype == np.int32
+        assert found.tolist() == without(others, query, switches[0])
+
+
+@given(st.integers(0, 10_000), SWITCHES)
+def test_every_word_was_born_with_the_image_that_had_it_first(seed, switches):
+    vocabulary, first = with_switches(switches), {}
+    session = images(seed, count=6)
+    session.insert(2, session[0])  # an image that gives nothing new, or little
+    for image, descriptors in enumerate(session):
+        for word in vocabulary.learn(descriptors).tolist():
+            first.setdefault(word, image)
+    stored = Vocabulary.from_arrays(vocabulary.arrays(), vocabulary.switches)
+    for one in (vocabulary, stored):
+        for image in range(len(session)):
+            assert [*range(*one.born(image))] == [word for word in sorted(first) if first[word] == image]
+
+
 @pytest.mark.parametrize("purge", [False, True])
 def test_lists_around_pivots_keep_the_switches(monkeypatch, purge):
     monkeypatch.setattr(pivots, "WORDS_PER_PIVOT", 4)

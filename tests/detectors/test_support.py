@@ -1,30 +1,12 @@
-"""Oracle: reference.nearest_word, every word of every image looked at; and views made from a known scene."""
+"""Views made from a known scene: which keypoints another view shares is known."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
+from fdslam.bow.around import NONE
 from fdslam.config import Support
-from fdslam.detectors.support import NONE, candidates, nearest_word, support
+from fdslam.detectors.support import support
 from fdslam.types import Features
-from tests import reference
 from tests.bow.test_verification import features, seen_from_elsewhere
-
-
-@settings(deadline=None)
-@given(st.integers(0, 10_000), st.integers(0, 12), st.integers(0, 12), st.sampled_from([0.5, 3.0, 5.0, 40.0]))
-def test_the_nearest_word_equals_the_loops(seed, count, others, radius):
-    rng = np.random.default_rng(seed)
-    at = rng.integers(0, 12, (count, 2)).astype(float)  # whole numbers: some lie at exactly the radius
-    query = rng.integers(0, 256, (count, 32), np.uint8)
-    other = Features(rng.integers(0, 12, (others, 2)).astype(np.float32), rng.integers(0, 256, (others, 32), np.uint8))
-    expected = reference.nearest_word(query, at, other.xy, other.descriptors, radius, NONE)
-    assert nearest_word(query, at, other, radius).tolist() == expected
-
-
-def test_candidates_are_the_best_hypotheses_and_what_lies_beside_them():
-    assert candidates([7, 0, 3, 9], 8) == [0, 1, 2, 3, 4, 6, 7]
-    assert candidates(np.array([], np.int64), 8) == []
 
 
 def test_what_the_map_has_seen_is_supported_and_what_is_new_is_not():
