@@ -12,9 +12,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
 from experiments.compact.measures import box_mean_auroc
 from experiments.compact.prepared import configuration
+
 from fdslam.config import Config
 from fdslam.metrics import Figure, Scene
 from fdslam.pipeline import Outcome, run

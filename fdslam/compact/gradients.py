@@ -66,27 +66,25 @@ def grids_of(canvas: Canvas, height: int, width: int) -> tuple[Grid, Grid]:
 
 
 def _described(light: NDArray, dx: NDArray, dy: NDArray, stride: int, bins: int) -> Level:
+    rows, cols = (-(-side // stride) for side in light.shape)
+    cell = np.add.outer(np.arange(light.shape[0]) // stride * cols, np.arange(light.shape[1]) // stride).ravel()
+    pixels = np.bincount(cell, minlength=rows * cols)
+    intensity = np.bincount(cell, light.ravel(), rows * cols) / pixels
     turn = np.pi if stride == STRIDES[0] else 2 * np.pi
-    angle, size = np.arctan2(dy, dx) % turn / turn * bins, np.hypot(dx, dy)
-    low = np.floor(angle)
+    angle, size = (np.arctan2(dy, dx) % turn / turn * bins).ravel(), np.hypot(dx, dy).ravel()
+    low = angle.astype(np.int64)
     share = angle - low
-    planes = [_sums(light, stride)]
-    for one in range(bins):  # a gradient between two orientations counts for both
-        weight = np.where(low % bins == one, 1 - share, 0) + np.where((low + 1) % bins == one, share, 0)
-        planes.append(_sums(size * weight.astype(np.float32), stride))
-    cells = np.stack(planes, axis=2)
-    padded = np.pad(cells, ((1, 1), (1, 1), (0, 0)), mode="edge")
-    rows, cols = cells.shape[:2]
+    total = rows * cols * bins
+    sums = np.bincount(cell * bins + low % bins, size * (1 - share), total)
+    sums += np.bincount(cell * bins + (low + 1) % bins, size * share, total)  # between two orientations: of both
+    histogram = sums.reshape(-1, bins) / pixels[:, None]
+    padded = np.pad(
+        np.concatenate([intensity[:, None], histogram], axis=1).reshape(rows, cols, -1),
+        ((1, 1), (1, 1), (0, 0)),
+        mode="edge",
+    )
     around = np.stack([padded[1 + y : 1 + y + rows, 1 + x : 1 + x + cols] for y, x in PLACES], axis=2)
-    intensity = around[..., 0] - around[..., 0].mean(axis=2, keepdims=True)
+    relative = around[..., 0] - around[..., 0].mean(axis=2, keepdims=True)
     gradient = around[..., 1:].reshape(rows, cols, -1)
     gradient = gradient - gradient.mean(axis=2, keepdims=True)
-    return np.concatenate([gradient, intensity], axis=2).astype(np.float32)
-
-
-def _sums(values: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
-    """Return the mean of values in every cell of the stride, the last ones cut at the image."""
-    rows, cols = -(-values.shape[0] // stride), -(-values.shape[1] // stride)
-    padding = rows * stride - values.shape[0], cols * stride - values.shape[1]
-    padded = np.pad(values, ((0, padding[0]), (0, padding[1])), mode="edge")
-    return padded.reshape(rows, stride, cols, stride).mean(axis=(1, 3))
+    return np.concatenate([gradient, relative], axis=2).astype(np.float32)
