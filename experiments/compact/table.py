@@ -11,10 +11,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from experiments.compact.measures import box_mean_auroc
 from experiments.compact.prepared import configuration
-
 from fdslam.config import Config
 from fdslam.metrics import Figure, Scene
 from fdslam.pipeline import Outcome, run
@@ -44,7 +42,7 @@ def lines(outcome: Outcome, config: Config, name: str) -> Iterator[str]:
     )
     for row in outcome.rows:
         found = " / ".join(f"{one.value:.1f}" for one in row.pooled.values() if one)
-        values = np.concatenate([np.ravel(cells) for cells in outcome.maps[row.method]])
+        values = scene.flatten(row.method, outcome.maps[row.method])
         boxes = box_mean_auroc(values, scene, config.evaluation, config.seed)
         parts = row.method.split("+")
         kept = f"{max(outcome.kept[part] for part in parts) / 1000:.1f}" if row.method in config.mix.rows else "0"
