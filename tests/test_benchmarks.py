@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from experiments.speed import autoencoders, comparison, kernels, localization, query, stages
+from experiments.speed import autoencoders, compact, comparison, kernels, localization, query, stages
+from tests.compact.walks import config_for, walk
 
 
 def test_localization_writes_the_figures_that_are_promised(monkeypatch, tmp_path, capsys):
@@ -126,3 +127,23 @@ def test_a_query_takes_every_stage(tmp_path):
     assert f"| **one query** | {1000 * own:.1f} |" in printed
     assert f"| {query.SUPPORT} | " in printed
     assert "| decoding its file once | 500.0 | 250.0 | 250.0 | 2.00 |" in printed
+
+
+def test_a_query_in_mode_best_takes_every_stage(tmp_path):
+    said = compact.measure(config_for(walk(tmp_path / "data"), tmp_path / "store"), 2)
+    rows = [line.split(" | ") for line in said.splitlines() if line.startswith("| ")]
+    assert [row[0].strip("| ") for row in rows[1:]] == [
+        "decode",
+        "ORB",
+        "OBBs: templates",
+        "words",
+        "lists",
+        "FD, with word support",
+        "looks",
+        "alignment",
+        "CC, WC and MW",
+        "EF",
+        "**one query**",
+    ]
+    assert sum(float(row[1]) for row in rows[1:-1]) == pytest.approx(float(rows[-1][1]), abs=1)
+    assert said.startswith("data: M = 12, 160 × 120, U = ")

@@ -8,15 +8,14 @@ brute-force 2-NN of 1,490 × 1,490 descriptors in the same process.
 from __future__ import annotations
 
 import argparse
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from experiments.compact.prepared import Prepared, configuration, prepared
+from experiments.speed.query import Watch
 from experiments.speed.stages import random_descriptors, unit_seconds
 from fdslam.bow.around import candidates
 from fdslam.bow.orb import extract
@@ -37,24 +36,10 @@ from fdslam.progress import single_threaded
 T = TypeVar("T")
 
 
-class Watch:
-    """Seconds of the clock and of the processor, per stage and query."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, list[tuple[float, float]]] = {}
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Measure what happens inside."""
-        clock, processor = time.perf_counter(), time.process_time()
-        yield
-        passed = time.perf_counter() - clock, time.process_time() - processor
-        self.seconds.setdefault(name, []).append(passed)
-
-    def timed(self, name: str, work: Callable[[], T]) -> T:
-        """Return what the work returns."""
-        with self.stage(name):
-            return work()
+def timed(watch: Watch, name: str, work: Callable[[], T]) -> T:
+    """Return what the work returns, measured as a stage."""
+    with watch.stage(name):
+        return work()
 
 
 def ask(ready: Prepared, trees: Trees, library: Library, query: int, watch: Watch) -> None:
@@ -63,14 +48,16 @@ def ask(ready: Prepared, trees: Trees, library: Library, query: int, watch: Watc
     config, data, bow = context.config, context.dataset, context.bow
     assert bow is not None
     frame = data.query[query]
-    image = watch.timed("decode", lambda: read_image(frame.path))
+    image = timed(watch, "decode", lambda: read_image(frame.path))
     size = image.shape[0], image.shape[1]
-    keypoints = watch.timed("ORB", lambda: extract(image, config.bow))
+    keypoints = timed(watch, "ORB", lambda: extract(image, config.bow))
     found = {
-        name: watch.timed(f"OBBs: {name if name in ('BING', 'YOLO') else 'templates'}", lambda s=source: s.boxes(image))
+        name: timed(
+            watch, f"OBBs: {name if name in ('BING', 'YOLO') else 'templates'}", lambda s=source: s.boxes(image)
+        )
         for name, source in library.sources.items()
     }
-    words = watch.timed("words", lambda: bow.bag.match(keypoints.descriptors))
+    words = timed(watch, "words", lambda: bow.bag.match(keypoints.descriptors))
     with watch.stage("lists"):
         where = localize(bow.bag, joined(found), keypoints, words, config.bow, bow.placed_words)
     best = where.strong[: config.evaluation.Y].astype(np.int64)
@@ -80,7 +67,7 @@ def ask(ready: Prepared, trees: Trees, library: Library, query: int, watch: Watc
         bits = support(keypoints, side, near, bow.placed_words, config.fd)
         ranks = loc_cells(where.boxes.xyxy, where.ranks[:, best].astype(np.int32), *size, config.fd)
         with_support(ranks, unsupported(keypoints.xy, bits, *size, config.fd), len(data.map), config.fd)
-    looks = watch.timed("looks", lambda: kept.look(image))
+    looks = timed(watch, "looks", lambda: kept.look(image))
     with watch.stage("alignment"):
         images = candidates(best, len(data.map), config.compact.hypotheses, config.compact.neighbours)
         aligned = align(keypoints, size, images, kept.words, kept.size, config.compact)
