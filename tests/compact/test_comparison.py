@@ -57,15 +57,17 @@ def test_places_that_are_centres_equal_the_loops(seed, shape, cells, step):
     equal(query, image, grid, np.stack(centre(grid, row, col), axis=1), cells * step)
 
 
-@pytest.mark.parametrize("far", [(0, 0), (0, 6), (6, 0), (6, 6)])
-def test_a_cell_at_exactly_the_reach_is_looked_at_and_none_further(far):
-    rng, query, image = np.random.default_rng(0), np.zeros((1, 1, 1), np.uint64), np.ones((7, 7, 1), np.uint64)
-    image[far] = 0  # three cells from the middle in x and in y
-    for step in rng.uniform(2, 30, 60):  # whatever rounding makes of it
-        grid = Grid(7, 7, step, step)
-        at = np.array([centre(grid, 3, 3)])
-        assert smallest(query, image, grid, at, 3 * step, 1.0)[0][0, 0] == 0
-        assert smallest(query, image, grid, at, 2 * step, 1.0)[0][0, 0] == 1
+@pytest.mark.parametrize(("far", "cells"), [((0, 0), 7), ((14, 14), 7), ((4, 10), 3)])
+def test_a_cell_at_exactly_the_reach_is_looked_at_and_none_further(far, cells):
+    rng, query, image = np.random.default_rng(0), np.zeros((1, 1, 1), np.uint64), np.ones((15, 15, 1), np.uint64)
+    image[far] = 0  # so many cells from the middle in x and in y
+    for step in rng.uniform(2, 30, 20):  # whatever rounding makes of it
+        grid = Grid(15, 15, step, step)
+        at = np.array([centre(grid, 7, 7)])
+        assert smallest(query, image, grid, at, cells * step, 1.0)[0][0, 0] == 0
+        assert smallest(query, image, grid, at, (cells - 1) * step, 1.0)[0][0, 0] == 1
+        found = [*displaced(query, image, grid, at, cells * step)]
+        assert len(found) == (2 * cells + 1) ** 2
 
 
 @settings(deadline=None)

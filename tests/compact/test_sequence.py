@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from fdslam.bow.alignment import NEAR
+from fdslam.bow.verification import supporting_matches
 from fdslam.compact.alignment import LEAST
 from fdslam.compact.sequence import pooled
 from fdslam.types import CELL, Features
 from tests.bow.test_verification import features
+from tests.reference.compact import gaussian_sum
 
 SIZE = (120, 160)
 
@@ -52,9 +55,21 @@ def test_those_before_are_laid_over_the_present_one(previous):
             assert ((found[query][:, col] >= low) & (found[query][:, col] <= high)).all()
             if len(same) == 1:
                 assert np.allclose(found[query][:, col], same[0], atol=1e-5)
-    middle = np.abs(found[1][3:9, 4:11] - (loc[1][3:9, 4:11] + loc[0][3:9, 5:12]) / 2)
-    assert middle.max() < 0.2  # much is known there: each counts nearly as much
-    assert np.abs(found[1] - loc[1]).max() > 0.2
+
+
+def test_each_counts_by_how_much_is_known_there():
+    loc, seen = maps(2), [*walk(2)]
+    found = pooled(loc, [SIZE] * 2, seen.__getitem__, 5)[1]
+    mine, partners = supporting_matches(seen[1], seen[0], LEAST)
+    here = seen[1].xy[mine]
+    assert np.allclose(seen[0].xy[partners] - here, (CELL, 0), atol=1e-3)
+    for row in range(12):
+        for col in range(15):
+            near = gaussian_sum(((col + 0.5) * CELL, (row + 0.5) * CELL), here.tolist(), NEAR * np.sqrt(120 * 160))
+            weight = near / (near + 1)
+            expected = (loc[1][row, col] + weight * loc[0][row, col + 1]) / (1 + weight)
+            assert found[row, col] == pytest.approx(expected, abs=0.02)
+    assert np.allclose(found[:, 15], loc[1][:, 15], atol=1e-5)  # the one before did not see it
 
 
 def test_another_place_or_too_few_keypoints_do_not_count():
