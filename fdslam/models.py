@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from fdslam.compact.shipped import shipped_trees
 from fdslam.compact.source import Source
 from fdslam.compact.sources import load_source
 from fdslam.config import COMPACT, Config
@@ -44,6 +45,9 @@ def out_of_their_world(config: Config) -> list[str]:
     wanted = {
         "obb.yolo.weights": "YOLO" in sources and not config.obb.yolo.weights,
         "obb.bing.filters": "BING" in sources and not config.obb.bing.filters,
+        "compact.weights": bool({*COMPACT} & {*config.mix.detectors})
+        and config.compact.source == "network"
+        and not (config.compact.weights or config.obb.yolo.weights or "YOLO" in sources),
         "mask.weights": config.mask.source == "deeplabv3plus" and not config.mask.weights,
     }
     return [key for key, used in wanted.items() if used]
@@ -55,5 +59,7 @@ def load_models(config: Config) -> Models:
     Raises:
         InputError: an unknown source of OBBs, or a model that is missing, damaged or not understood.
     """
+    if "EF" in config.mix.detectors and config.early.model == "shipped":
+        shipped_trees(config)  # what is wrong with it is told now
     looks = load_source(config) if {*COMPACT} & {*config.mix.detectors} else None
     return Models(Library(config.obb, config.device), segmentation(config.mask, config.device), looks)

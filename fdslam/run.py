@@ -40,6 +40,7 @@ FOLDERS = (
     "dataset.annotations",
     "obb.yolo.weights",
     "obb.bing.filters",
+    "compact.weights",
     "mask.weights",
     "store",
     "hydra.run.dir",

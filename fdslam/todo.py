@@ -68,7 +68,7 @@ def everything(config: Config, sizes: Outline) -> Todo:
         ad=(1 if config.ad.hypotheses == "top1" else times) * queries if "AD" in uses else 0,
         looks=sizes.images if {*COMPACT} & {*uses} else 0,
         evidence=queries if {*COMPACT} & {*uses} else 0,
-        pretend=sum(made_up(config.early, count) for count in sizes.maps) if "EF" in uses else 0,
+        pretend=times * sum(made_up(config.early, count) for count in sizes.maps) if "EF" in uses else 0,
     )
 
 
@@ -104,7 +104,9 @@ def remaining(
         context = Context(config, one, store, (), (), (), bow, source)
         if source is not None:
             looks |= compact.missing_looks(context)
-        pretend += early.missing(context) if "EF" in uses else 0
+        for y in times if "EF" in uses else ():
+            at = replace(config, evaluation=replace(config.evaluation, Y=y))  # it learns for that many hypotheses
+            pretend += early.missing(replace(context, config=at))
         train[bow.keys[-1]] = untrained(context) if "AD" in uses else 0
         counts.update(localise=lost, masks=missing_masks(one, model, store))
         if lost:  # what they will be compared with is not known

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fdslam.config import Campus, Config, Folder, Mask, Obb, Yolo
+from fdslam.config import Campus, Compact, Config, Folder, Mask, Mix, Obb, Yolo
 from fdslam.models import load_models, out_of_their_world
 
 PHOTOS = Folder(root="photos")
@@ -14,6 +14,9 @@ PHOTOS = Folder(root="photos")
         (Config(dataset=Campus(), mask=Mask(source="deeplabv3plus")), []),
         (Config(dataset=PHOTOS), ["obb.yolo.weights", "obb.bing.filters"]),
         (Config(dataset=PHOTOS, obb=Obb("J+B"), mask=Mask(source="labels")), []),
+        (Config(dataset=PHOTOS, obb=Obb("J+B"), mix=Mix(rows=["CC"])), ["compact.weights"]),
+        (Config(dataset=PHOTOS, obb=Obb("J+B"), mix=Mix(rows=["CC"]), compact=Compact(source="gradients")), []),
+        (Config(dataset=PHOTOS, obb=Obb("J+B", Yolo(weights="a.onnx")), mix=Mix(rows=["CC"])), []),
         (Config(dataset=PHOTOS, obb=Obb("J+YOLO", Yolo(weights="a.onnx"))), []),
         (
             Config(dataset=PHOTOS, obb=Obb("BING"), mask=Mask(source="deeplabv3plus")),

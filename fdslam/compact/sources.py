@@ -7,6 +7,7 @@ from dataclasses import replace
 from fdslam.compact.gradients import Gradients
 from fdslam.compact.source import Source
 from fdslam.config import Config
+from fdslam.errors import InputError
 
 
 def load_source(config: Config) -> Source:
@@ -20,7 +21,10 @@ def load_source(config: Config) -> Source:
     from fdslam.compact.network import NetworkFeatures  # reading graphs takes a while to import
     from fdslam.obb.yolo import Yolo
 
-    detector = config.obb.yolo
-    if config.compact.weights:
-        detector = replace(detector, weights=config.compact.weights, classes=[])
-    return NetworkFeatures(config.compact, Yolo(detector, config.device), config.compact.threads)
+    if not config.compact.weights:
+        return NetworkFeatures(config.compact, Yolo(config.obb.yolo, config.device), config.compact.threads)
+    try:
+        detector = Yolo(replace(config.obb.yolo, weights=config.compact.weights, classes=[]), config.device)
+    except InputError as error:  # it is a detector like that of the OBBs, and given by another key
+        raise InputError(str(error).replace("obb.yolo.weights", "compact.weights")) from error
+    return NetworkFeatures(config.compact, detector, config.compact.threads)
