@@ -7,6 +7,7 @@ campus: tables with bootstrap intervals over the queries.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,37 +27,27 @@ from experiments.compact.prepared import (
     with_fusion,
 )
 from experiments.compact.splits import agreeing, light_levels, splits
-from experiments.compact.wrong import far_hypotheses, laid_over
+from experiments.compact.wrong import far_hypotheses, laid_over, plain
 from fdslam.detectors import compact, early
 from fdslam.metrics import Figure
 from fdslam.progress import single_threaded
-from fdslam.store import Arrays
 
 AT = 10  # percent of the cells: X of areas and alarms
 PARTS = 3  # of the boxes by area
 Named = dict[str, Maps]
 
 
-def exchanged(ready: Prepared) -> Iterator[tuple[str, Named]]:
-    """Yield every row that looks at all queries, the untouched one first: its name and the maps of its methods."""
+def untouched(ready: Prepared) -> Named:
+    """Return the maps of the methods as they are."""
+    context = ready.context
+    own: Named = {"CC": list(compact.detect(context).loc), "EF": list(early.detect(context).loc)}
+    return with_fusion(own, context.config.mix.rule)
+
+
+def exchanged(ready: Prepared, own: Named) -> Iterator[tuple[str, Named]]:
+    """Yield every row in which something is exchanged, the quick ones first: its name and the maps of its methods."""
     context, config = ready.context, ready.context.config
     seen = compact.all_evidence(context, ready.kept)
-    own: Named = {"CC": list(compact.detect(context).loc), "EF": list(early.detect(context).loc)}
-    yield "as it is", with_fusion(own, config.mix.rule)
-
-    far = far_hypotheses(context)
-    wrong = moved(ready, far)
-    lost: Named = {"CC": list(compact.detect(wrong).loc), "EF": list(early.detect(wrong).loc)}
-    aligned = sum(count > 0 for count in agreeing(compact.all_evidence(wrong, ready.kept)))
-    yield f"wrong map ({aligned} of {len(seen)} queries align)", with_fusion(lost, config.mix.rule)
-
-    trees, over = early.trees_of(context, ready.kept), laid_over(ready, far)
-    laid: Named = {
-        "CC": [config.compact.fine * one["fine"] + (1 - config.compact.fine) * one["coarse"] for one in over],
-        "EF": maps_of(trees, query_rows(ready, over, far), own["EF"]),
-    }
-    yield "wrong map, laid over whole", with_fusion(laid, config.mix.rule)
-
     made, rows = made_up(ready), query_rows(ready, seen, context.hypotheses)
     for name, (there, here) in {
         "query alone: density of keypoints": (
@@ -68,7 +59,18 @@ def exchanged(ready: Prepared) -> Iterator[tuple[str, Named]]:
         yield name, {"EF": maps_of(learned(there, made.label, config.early, config.seed), here, own["EF"])}
     other = other_drive(ready, made, rows, own["EF"])
     if other is not None:
-        yield "trained on the other drive", with_fusion({"CC": own["CC"], "EF": other}, config.mix.rule)
+        both = with_fusion({"CC": own["CC"], "EF": other}, config.mix.rule)
+        yield "trained on the other drive", {name: maps for name, maps in both.items() if name != "CC"}
+
+    far = far_hypotheses(context)
+    wrong = moved(ready, far)
+    aligned = sum(count > 0 for count in agreeing(compact.all_evidence(wrong, ready.kept)))
+    yield f"wrong map ({aligned} of {len(seen)} queries align)", untouched(replace(ready, context=wrong))
+
+    over = laid_over(ready, far)
+    learner = early.trees_of(context, ready.kept)
+    laid: Named = {"CC": plain(over, config.compact), "EF": maps_of(learner, query_rows(ready, over, far), own["EF"])}
+    yield "wrong map, laid over whole", with_fusion(laid, config.mix.rule)
 
 
 def figure(one: Figure | None, digits: int) -> str:
@@ -110,27 +112,28 @@ def small_and_false(ready: Prepared, method: str, maps: Maps) -> str:
 
 
 def tables(ready: Prepared, folder: Path | None) -> Iterator[str]:
-    """Yield the lines of the first table, then those of the second."""
-    context = ready.context
-    everyone = list(range(len(context.dataset.query)))
-    own: Named = {}
-    for name, maps in exchanged(ready):
-        own = own or maps
-        for method, of_all in maps.items():
-            if method != "CC" or "drive" not in name:  # nothing of CC is trained
-                yield line(ready, name, method, of_all, everyone)
-    seen: list[Arrays] = compact.all_evidence(context, ready.kept)
-    names = [frame.name for frame in context.dataset.query]
-    levels = light_levels(folder, names) if folder else [None] * len(names)
-    for name, queries in splits(levels, agreeing(seen)).items():
-        for method, of_all in own.items():
-            yield line(ready, name, method, of_all, queries)
+    """Yield the lines of both tables."""
+    context, own = ready.context, untouched(ready)
     yield (
-        f"\n| data set | rows | smallest third of the boxes, found at {AT} % | middle | largest "
+        f"| data set | rows | smallest third of the boxes, found at {AT} % | middle | largest "
         "| alarms per unchanged query | % of them without |\n|---|---|---|---|---|---|---:|"
     )
-    for method, of_all in own.items():
-        yield small_and_false(ready, method, of_all)
+    for method, maps in own.items():
+        yield small_and_false(ready, method, maps)
+    yield (
+        f"\n| data set | what is exchanged | queries / unchanged / boxes | rows | X = 5 / 10 / 15 / 20 % | at {AT} % "
+        "| lc-AUROC, cells | lc-AUROC, box means |\n|---|---|---|---|---|---|---|---|"
+    )
+    names = [frame.name for frame in context.dataset.query]
+    levels = light_levels(folder, names) if folder else [None] * len(names)
+    everyone = list(range(len(names)))
+    parts = splits(levels, agreeing(compact.all_evidence(context, ready.kept)))
+    for name, queries in {"as it is": everyone, **parts}.items():
+        for method, maps in own.items():
+            yield line(ready, name, method, maps, queries)
+    for name, found in exchanged(ready, own):
+        for method, maps in found.items():
+            yield line(ready, name, method, maps, everyone)
 
 
 def main() -> None:
@@ -139,10 +142,6 @@ def main() -> None:
     single_threaded()
     for folder in given.folders or [None]:
         for ready in prepared(configuration(folder, given.yolo, given.bing, given.store)):
-            print(
-                f"| data set | what is exchanged | queries / unchanged / boxes | rows | X = 5 / 10 / 15 / 20 % "
-                f"| at {AT} % | lc-AUROC, cells | lc-AUROC, box means |\n|---|---|---|---|---|---|---|---|"
-            )
             for one in tables(ready, folder):
                 print(one, flush=True)
             print(flush=True)
