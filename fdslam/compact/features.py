@@ -1,6 +1,8 @@
 """What early fusion looks at: the evidence of each cell, how it stands out in its image, and its surroundings.
 
 Neither where the cell is nor what a detector of objects says: a fixed blob or objectness cannot be learned from these.
+Nor anything that is the same for the whole image, as how many keypoints agree: with as few images as a map has, a learner
+takes such numbers for the images themselves.
 """
 
 from __future__ import annotations
@@ -17,11 +19,9 @@ from fdslam.types import Cells
 MAPS = ("fine", "coarse", "fine alone", "coarse alone", "words", "missing", "FD")
 KNOWN = ("texture", "near", "wide")  # how much there is to go by
 SURROUNDINGS = (1.2, 3.0)  # σ, cells
-IMAGES = 3  # aligned images whose agreeing keypoints are told
 NAMES = (
-    *(f"{name} {form}" for name in MAPS for form in ("raw", "normalised", *(f"σ {s}" for s in SURROUNDINGS), "median")),
+    *(f"{name} {form}" for name in MAPS for form in ("raw", "normalised", *(f"σ {s}" for s in SURROUNDINGS))),
     *(f"{name} {form}" for name in KNOWN for form in ("raw", f"σ {SURROUNDINGS[-1]}")),
-    *(f"inliers {i + 1}" for i in range(IMAGES)),
 )
 
 
@@ -46,11 +46,6 @@ def features(evidence: Arrays, fd: Cells) -> NDArray[np.float32]:
         middle = float(np.median(cells))
         spread = float(np.abs(cells - middle).mean()) + 1e-6
         found += [cells, (cells - middle) / spread, *(gaussian_filter(cells, s) for s in SURROUNDINGS)]
-        found.append(np.full_like(cells, middle))
     for name in KNOWN:
         found += [evidence[name], gaussian_filter(evidence[name], SURROUNDINGS[-1])]
-    inliers = np.zeros(IMAGES, np.float32)
-    given = evidence["inliers"][:IMAGES]
-    inliers[: len(given)] = given
-    found += [np.full(fd.shape, count) for count in inliers]
     return np.stack(found, axis=-1).reshape(-1, len(NAMES)).astype(np.float32)

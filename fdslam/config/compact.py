@@ -54,4 +54,10 @@ class Compact(Dense, Alignment):
 
     fine: float = option(0.75, "weight of stride 8 in CC; the rest is that of stride 16", low=0, high=1)
     sigma: float = option(0.0, "of the Gaussian over the cells of CC, cells; 0: none", low=0, high=20)
+    previous: int = option(
+        0,
+        "queries before the present one whose CC and EF are averaged with its own where they saw the same; 0: none",
+        low=0,
+        high=100,
+    )
     threads: int = option(1, "threads of one inference. Never changes a result", low=1, high=1024)

@@ -16,7 +16,7 @@ class Training(Checked):
 
     images: int = option(400, "map images, evenly spread, that changes are made up in", low=1)
     rounds: int = option(1, "times that each of them is changed", low=1, high=100)
-    trees: int = option(150, "trees of the gradient boosting", low=1, high=10_000)
+    trees: int = option(100, "trees of the gradient boosting", low=1, high=10_000)
     leaves: int = option(24, "most leaves of a tree", low=2, high=1000)
     rate: float = option(0.08, "learning rate", low=1e-4, high=1)
 

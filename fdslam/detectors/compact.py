@@ -14,6 +14,7 @@ from fdslam.bow.around import candidates
 from fdslam.compact.alignment import align
 from fdslam.compact.evidence import evidence
 from fdslam.compact.map import SIGNS, CompactMap
+from fdslam.compact.sequence import pooled
 from fdslam.config import Alignment, part
 from fdslam.context import Context, Detected
 from fdslam.store import Arrays, Key, Stage
@@ -85,7 +86,15 @@ def detect(context: Context) -> Detected:
         cells = config.fine * one["fine"] + (1 - config.fine) * one["coarse"]
         return (gaussian_filter(cells, config.sigma) if config.sigma else cells).astype(np.float32)
 
-    return Detected([loc(one) for one in all_evidence(context, kept)], kept.kept())
+    return Detected(over_queries(context, [loc(one) for one in all_evidence(context, kept)]), kept.kept())
+
+
+def over_queries(context: Context, loc: list[Cells]) -> list[Cells]:
+    """Return the LoC of every query averaged with that of those before it, if ``compact.previous`` says so."""
+    frames, bow = context.dataset.query, context.bow
+    assert bow is not None
+    sizes = [(frame.height, frame.width) for frame in frames]
+    return pooled(loc, sizes, lambda query: bow.keypoints(frames[query]), context.config.compact.previous)
 
 
 def new_words(context: Context) -> Detected:

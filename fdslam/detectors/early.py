@@ -15,7 +15,7 @@ from fdslam.compact.shipped import shipped_trees
 from fdslam.compact.training import fd_of, lacking, made_up, trained
 from fdslam.compact.trees import Trees
 from fdslam.context import Context, Detected
-from fdslam.detectors.compact import all_evidence, compact_map
+from fdslam.detectors.compact import all_evidence, compact_map, over_queries
 
 
 def trees_of(context: Context, kept: CompactMap) -> Trees:
@@ -48,4 +48,5 @@ def detect(context: Context) -> Detected:
         return trees.log_odds(features(seen[query], fd).astype(np.float64)).reshape(fd.shape).astype(np.float32)
 
     learned = sum(array.nbytes for array in trees.arrays().values())
-    return Detected([loc(query) for query in range(len(data.query))], kept.kept() + learned / len(data.map))
+    found = over_queries(context, [loc(query) for query in range(len(data.query))])
+    return Detected(found, kept.kept() + learned / len(data.map))
