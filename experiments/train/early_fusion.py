@@ -182,7 +182,7 @@ def table(world: Cells, learners: Mapping[str, Trees]) -> Iterator[str]:
 
 def write(path: Path, trees: Trees) -> None:
     """Write trees as the package reads them (``compact.shipped``); the same trees are always the same file."""
-    arrays = {name: np.ascontiguousarray(array) for name, array in trees.arrays().items()}
+    arrays = {name: np.asarray(array, order="C") for name, array in trees.arrays().items()}
     write_atomically(path, save(arrays, metadata={"features": ",".join(NAMES)}))
 
 
@@ -211,8 +211,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     write(path, learners[given.data])
     print(f"{path}: {path.stat().st_size} bytes, trained on {given.data}, {time.perf_counter() - begin:.0f} s")
     named = {f"shipped, {name}": learner for name, learner in learners.items()}
-    for world in (*VALIDATION, *TEST):
-        for line in table(look(world, images=0 if world in VALIDATION else None), named):
+    unseen = [(world, 0) for world in VALIDATION] + [(world, None) for world in TEST]
+    for world, images in unseen:
+        for line in table(look(world, images=images), named):
             print(line, flush=True)
 
 

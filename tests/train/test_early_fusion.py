@@ -14,7 +14,7 @@ from fdslam.compact.training import NEITHER
 from fdslam.detectors import early
 from fdslam.errors import InputError
 
-WORLD = (7, "AU", "SU")
+WORLD = (7, "SU", "AU")
 SMALL = ["dataset.images=48", "dataset.width=120", "dataset.height=160", "obb=j_b", "workers=1"]
 LEARNER = ["early.trees=4", "early.leaves=6", "early.images=6", "evaluation.bootstrap=10"]
 
@@ -39,12 +39,11 @@ def test_what_is_trained_on_is_nowhere_else():
 
 
 def test_a_cell_is_changed_by_half_unchanged_by_nothing_and_neither_between():
-    found = cell_labels(np.array([[8, 0, 24, 8]], np.float32), 24, 32).reshape(-1, 32 // 8)
-    one, none = 1, 0
-    assert found.tolist() == [[none, one, one, none], [none] * 4, [none] * 4]
-    found = cell_labels(np.array([[4, 0, 27, 8.1]], np.float32), 24, 32).reshape(-1, 32 // 8)
-    assert found.tolist() == [[one, one, one, NEITHER], [NEITHER] * 4, [none] * 4]
-    assert cell_labels(np.empty((0, 4), np.float32), 24, 32).tolist() == [0] * 12
+    found = cell_labels(np.array([[10, 0, 30, 10]], np.float32), 30, 40).reshape(3, 4)
+    assert found.tolist() == [[0, 1, 1, 0], [0] * 4, [0] * 4]
+    found = cell_labels(np.array([[5, 0, 34, 10.5]], np.float32), 30, 40).reshape(3, 4)
+    assert found.tolist() == [[1, 1, 1, NEITHER], [NEITHER] * 4, [0] * 4]
+    assert cell_labels(np.empty((0, 4), np.float32), 30, 40).tolist() == [0] * 12
 
 
 def test_every_kind_of_data_has_both_labels_and_no_other(world):
@@ -60,7 +59,8 @@ def test_the_detector_with_the_written_file_says_the_same(world, overrides, tmp_
     learner = trained([world], KINDS["both"], 0)
     monkeypatch.setattr(shipped, "shipped", lambda name: tmp_path / name)
     early_fusion.write(tmp_path / shipped.file_name("gradients"), learner)
-    context = opened(early_fusion.configured(["mode=best", "compact.source=gradients", "dataset.seed=7", *overrides]))
+    where = ["dataset.seed=7", "dataset.query=SU", "dataset.map=AU"]
+    context = opened(early_fusion.configured(["mode=best", "compact.source=gradients", *where, *overrides]))
     context = replace(context, config=replace(context.config, early=replace(context.config.early, model="shipped")))
     assert shipped_trees(context.config).arrays().keys() == learner.arrays().keys()
     for mine, theirs in zip(looked_at(world, learner), early.detect(context).loc, strict=True):
@@ -71,7 +71,7 @@ def test_the_detector_with_the_written_file_says_the_same(world, overrides, tmp_
 
 def test_the_script_writes_one_file_twice_and_prints_all_tables(overrides, tmp_path, capsys, monkeypatch):
     for name in ("TRAINING", "VALIDATION", "TEST"):
-        monkeypatch.setattr(early_fusion, name, (WORLD,) if name != "VALIDATION" else ((7, "SU", "AU"),))
+        monkeypatch.setattr(early_fusion, name, (WORLD,))
     files = [tmp_path / "one", tmp_path / "two"]
     for file in files:
         early_fusion.main(["--source", "gradients", "--out", str(file), *overrides])
