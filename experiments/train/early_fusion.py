@@ -25,7 +25,7 @@ from fdslam.compact.features import NAMES, features
 from fdslam.compact.shipped import file_name
 from fdslam.compact.training import NEITHER, PSEUDO, chosen, fd_of, fit, pseudo_keys, pseudo_rows
 from fdslam.compact.trees import Trees
-from fdslam.config import Campus, Config
+from fdslam.config import Config
 from fdslam.context import Context
 from fdslam.data import load_datasets
 from fdslam.detectors.compact import all_evidence, compact_map
@@ -120,15 +120,13 @@ def cells(world: World, source: str, overrides: Sequence[str], images: int | Non
         images: map images that changes are made up in; None: as many as on any map, 0: none.
 
     Raises:
-        InputError: a bad word, or a world without annotations.
+        InputError: a bad word, as one that names another data set.
     """
     seed, query, map_ = world
     chosen_world = f"dataset.seed={seed}", f"dataset.query={query}", f"dataset.map={map_}"
     config = configured(["mode=best", *chosen_world, f"compact.source={source}", *overrides])
     if images:
         config = replace(config, early=replace(config.early, images=images))
-    if not isinstance(config.dataset, Campus):
-        raise InputError("dataset: the shipped early fusion is trained on the embedded world alone")
     context = opened(config)
     data = context.dataset
     assert data.boxes is not None  # of a campus

@@ -86,5 +86,5 @@ def test_the_script_writes_one_file_twice_and_prints_all_tables(overrides, tmp_p
 
 
 def test_another_data_set_is_refused(overrides, tmp_path):
-    with pytest.raises(InputError, match="embedded world"):
+    with pytest.raises(InputError, match=r"dataset\.seed"):
         early_fusion.cells(WORLD, "gradients", ["dataset=nclt", f"dataset.root={tmp_path}"])
