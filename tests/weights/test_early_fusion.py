@@ -38,7 +38,6 @@ def test_it_says_something_finite_of_any_cell(trees):
     told = trees.log_odds(rows)
     assert np.isfinite(told).all()
     assert np.ptp(told) > 1
-    assert np.abs(told).max() < 50
 
 
 def test_a_cell_that_differs_more_is_more_suspicious(trees):
