@@ -10,7 +10,7 @@ from hydra import compose, initialize_config_dir
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
-from fdslam.config import register
+from fdslam.config import Config, register
 from fdslam.data import check_dataset, load_datasets
 from fdslam.data.campus import SESSIONS, World
 from fdslam.data.images import read_image
@@ -43,14 +43,23 @@ def _numbered(world: World, number: int, session: str, index: int) -> tuple[int,
     return number, Scene(view.image, view.boxes[view.clear], view.boxes[~view.clear])
 
 
-def load(overrides: Sequence[str], workers: int) -> tuple[Dataset, ...]:
-    """Return the data sets that words of the command line name, e.g. ``dataset=folder dataset.root=DIR``."""
+def configured(overrides: Sequence[str]) -> Config:
+    """Return the configuration that words of the command line name, as for fdslam.run.
+
+    Raises:
+        InputError: a word that is not understood.
+    """
     register()
     with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
         try:
-            config = to_config(compose("config", quote_paths(list(overrides))))
+            return to_config(compose("config", quote_paths(list(overrides))))
         except (HydraException, OmegaConfBaseException) as error:
             raise InputError(one_line(error)) from None
+
+
+def load(overrides: Sequence[str], workers: int) -> tuple[Dataset, ...]:
+    """Return the data sets that words of the command line name, e.g. ``dataset=folder dataset.root=DIR``."""
+    config = configured(overrides)
     check_dataset(config.dataset)
     return load_datasets(config.dataset, Store(config.store), workers)
 
