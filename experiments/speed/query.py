@@ -27,6 +27,7 @@ import numpy as np
 from experiments.speed.stages import random_descriptors, unit_seconds
 from experiments.speed.synthetic import Synthetic
 from fdslam import config as settings
+from fdslam.bow.around import candidates
 from fdslam.bow.bag import BagOfWords
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.orb import extract
@@ -169,7 +170,9 @@ class Robot:
         for frame, best in zip(context.dataset.query, context.hypotheses, strict=True):
             right = int(frame.name.split("/")[1]) % len(self.views)
             places.append(np.array([right, *best[1:]]))
-            for m in support.candidates(places[-1], len(frames)):  # what building the map would have left
+            for m in candidates(
+                places[-1], len(frames), support.HYPOTHESES, support.NEIGHBOURS
+            ):  # what building the map would have left
                 key = self.bow.features.key(frames[m])
                 if not self.store.has(FEATURES, key):
                     orb = self.orbs[m % len(self.orbs)]
