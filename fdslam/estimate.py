@@ -18,7 +18,7 @@ from functools import partial
 import cv2
 import numpy as np
 
-from fdslam.config import COMPACT, Config
+from fdslam.config import Config
 from fdslam.controls import CONTROLS
 from fdslam.data import Outline
 from fdslam.errors import InputError
@@ -183,7 +183,7 @@ class _Plan:
 
     def compact(self, name: str) -> Line:
         todo = self.todo
-        if name != next(one for one in self.names if one in COMPACT):  # the first has found what all of them need
+        if name != self.config.mix.compact[0]:  # the first has found what all of them need
             return Line(name, f"{self.queries:,} queries", 0.0, 0.0, self.kept)
         seconds = todo.looks * (self.read + 0.03) + todo.evidence * 0.16
         disk = 1000 * self.config.compact.kilobytes * todo.looks + 7 * self.result * todo.evidence
@@ -192,7 +192,7 @@ class _Plan:
 
     def early(self) -> Line:
         todo = self.todo
-        alone = [one for one in self.names if one in COMPACT] == ["EF"]
+        alone = self.config.mix.compact == ["EF"]
         first = self.compact("EF") if alone else Line("EF", "", 0.0, 0.0, self.kept)
         rows = 128.0 * self.result / 4.2  # bytes of an image's features
         seconds = todo.pretend * (self.read + 0.45) / self.workers + 0.06 * todo.pretend + 0.02 * self.queries

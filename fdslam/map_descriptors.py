@@ -13,6 +13,7 @@ from fdslam.context import Context, load
 from fdslam.data.images import LIBRARIES, enlarge, read_image
 from fdslam.harris_laplace import harris_laplace, sift
 from fdslam.quantisation import Codebook, decode, encode, train
+from fdslam.sampling import evenly
 from fdslam.store import Arrays, Key, Stage
 from fdslam.types import Frame
 
@@ -60,7 +61,7 @@ class MapDescriptors:
         frames = self.context.dataset.map
         if not self.coded:
             return []
-        return [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, TEACHERS).round().astype(int))]
+        return [frames[i] for i in evenly(len(frames), TEACHERS)]
 
     @cached_property
     def _codebook_key(self) -> Key:

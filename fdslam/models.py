@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from fdslam.compact.shipped import shipped_trees
 from fdslam.compact.source import Source
 from fdslam.compact.sources import load_source
-from fdslam.config import COMPACT, Config
+from fdslam.config import Config
 from fdslam.mask import segmentation
 from fdslam.obb import Library, parse_library
 
@@ -45,7 +45,7 @@ def out_of_their_world(config: Config) -> list[str]:
     wanted = {
         "obb.yolo.weights": "YOLO" in sources and not config.obb.yolo.weights,
         "obb.bing.filters": "BING" in sources and not config.obb.bing.filters,
-        "compact.weights": bool({*COMPACT} & {*config.mix.detectors})
+        "compact.weights": bool(config.mix.compact)
         and config.compact.source == "network"
         and not (config.compact.weights or config.obb.yolo.weights or "YOLO" in sources),
         "mask.weights": config.mask.source == "deeplabv3plus" and not config.mask.weights,
@@ -61,5 +61,5 @@ def load_models(config: Config) -> Models:
     """
     if "EF" in config.mix.detectors and config.early.model == "shipped":
         shipped_trees(config)  # what is wrong with it is told now
-    looks = load_source(config) if {*COMPACT} & {*config.mix.detectors} else None
+    looks = load_source(config) if config.mix.compact else None
     return Models(Library(config.obb, config.device), segmentation(config.mask, config.device), looks)

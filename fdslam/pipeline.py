@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fdslam.compact.jpeg import grey_jpeg
 from fdslam.compact.source import Source
-from fdslam.config import COMPACT, Config
+from fdslam.config import Config
 from fdslam.context import Context
 from fdslam.controls import CONTROLS, control, objectness
 from fdslam.data import load_datasets, outline, outline_of
@@ -188,7 +188,7 @@ def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome
     kept = {name: float(np.average([one.kept[name] for one in seen], weights=images)) for name in seen[0].kept}
     starts = np.cumsum(images) - images
     shifted = tuple(h + start for one, start in zip(seen, starts, strict=True) for h in one.hypotheses)
-    jpeg = grey_jpeg(dataset.map) if {*COMPACT} & {*kept} else 0.0
+    jpeg = grey_jpeg(dataset.map) if config.mix.compact else 0.0
     return Outcome(dataset, localizations, shifted, recall, maps, tuple(rows), lead, kept, jpeg)
 
 
@@ -238,14 +238,7 @@ def _evaluate(
 ) -> list[Row]:
     if dataset.boxes is None:
         return []
-    scene = Scene(
-        tuple(names),
-        tuple(frame.height for frame in dataset.query),
-        tuple(frame.width for frame in dataset.query),
-        dataset.boxes,
-        images=tuple(frame.digest for frame in dataset.query),
-        shown=tuple(frame.name for frame in dataset.query),
-    )
+    scene = Scene.of(dataset, names)
     measured = (evaluate(name, maps[name], scene, config.evaluation, config.seed) for name in methods)
     return list(progress(measured, len(methods), "evaluation"))
 

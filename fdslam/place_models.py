@@ -167,7 +167,8 @@ def trained_places(context: Context) -> PlaceModels:
         store.discard(SUMMARY, address)  # a GPU may train it to other last bits
         return train()[place]
 
-    summary, known = None if store.lacks(MODEL, keys) else store.get(SUMMARY, address), {}
+    known: dict[int, PlaceModel] = {}
+    summary = None if store.lacks(MODEL, keys) else store.get(SUMMARY, address)
     if summary is None:
         known = dict(enumerate(fill_statistics(train())))
         summary = _summary([*known.values()])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from fdslam import mapping
 from fdslam.compact.source import Source
 from fdslam.compact.training import made_up
-from fdslam.config import COMPACT, Config
+from fdslam.config import Config
 from fdslam.context import Context
 from fdslam.data import Outline
 from fdslam.detectors import anomaly, compact, comparison, early, fault_diagnosis
@@ -66,8 +66,8 @@ def everything(config: Config, sizes: Outline) -> Todo:
         fd=times * queries if "FD" in uses else 0,
         pc=times * queries if "PC" in uses else 0,
         ad=(1 if config.ad.hypotheses == "top1" else times) * queries if "AD" in uses else 0,
-        looks=sizes.images if {*COMPACT} & {*uses} else 0,
-        evidence=queries if {*COMPACT} & {*uses} else 0,
+        looks=sizes.images if config.mix.compact else 0,
+        evidence=queries if config.mix.compact else 0,
         pretend=times * sum(made_up(config.early, count) for count in sizes.maps) if "EF" in uses else 0,
     )
 
@@ -104,9 +104,7 @@ def remaining(
         context = Context(config, one, store, (), (), (), bow, source)
         if source is not None:
             looks |= compact.missing_looks(context)
-        for y in times if "EF" in uses else ():
-            at = replace(config, evaluation=replace(config.evaluation, Y=y))  # it learns for that many hypotheses
-            pretend += early.missing(replace(context, config=at))
+        pretend += _made_up(context, times)
         train[bow.keys[-1]] = untrained(context) if "AD" in uses else 0
         counts.update(localise=lost, masks=missing_masks(one, model, store))
         if lost:  # what they will be compared with is not known
@@ -117,20 +115,13 @@ def remaining(
         keys, localizations = bow.localize(one.query)
         for y in times:
             evaluation = replace(config.evaluation, Y=y)
-            found = hypotheses(evaluation, one, localizations)
+            best = hypotheses(evaluation, one, localizations)
             context = replace(context, localizations=tuple(localizations), localization_keys=tuple(keys))
-            context = replace(context, hypotheses=found)
-            compared, needed = comparison.missing(context) if "PC" in uses else (0, set())
+            context = replace(context, hypotheses=best)
+            found, needed, unsupported = _lacking(context, y == config.evaluation.Y)
+            counts += found
             sifts |= needed
-            lacking, unsupported = fault_diagnosis.missing(context)
             support |= unsupported
-            counts.update(pc=compared, fd=lacking)
-            if (
-                source is not None and y == config.evaluation.Y
-            ):  # it looks at the same images for any Y but the smallest
-                counts.update(evidence=compact.missing(context))
-            if "AD" in uses and (y == config.evaluation.Y or config.ad.hypotheses == "min"):
-                counts.update(ad=anomaly.missing(context))
     return Todo(
         masks=counts["masks"],
         boxes=counts["boxes"],
@@ -147,3 +138,31 @@ def remaining(
         evidence=counts["evidence"] if source is not None else 0,
         pretend=pretend,
     )
+
+
+def _made_up(context: Context, times: Sequence[int]) -> int:
+    """Count the map images that early fusion still has to make up changes in: it learns for each Y anew."""
+    config = context.config
+    if "EF" not in config.mix.detectors:
+        return 0
+    each = (replace(config, evaluation=replace(config.evaluation, Y=y)) for y in times)
+    return sum(early.missing(replace(context, config=one)) for one in each)
+
+
+def _lacking(context: Context, first: bool) -> tuple[Counter[str], set[Key], set[Key]]:
+    """Count what detectors lack for the hypotheses of a context; also return the addresses of SIFTs and word support.
+
+    Args:
+        context: a pair of sessions, localised.
+        first: whether these are the hypotheses of the table itself, and not of a curve over Y alone.
+    """
+    config, counts, sifts = context.config, Counter[str](), set[Key]()
+    uses = config.mix.detectors
+    if "PC" in uses:
+        counts["pc"], sifts = comparison.missing(context)
+    counts["fd"], support = fault_diagnosis.missing(context)
+    if context.looks is not None and first:  # it looks at the same images for any Y but the smallest
+        counts["evidence"] = compact.missing(context)
+    if "AD" in uses and (first or config.ad.hypotheses == "min"):
+        counts["ad"] = anomaly.missing(context)
+    return counts, sifts, support

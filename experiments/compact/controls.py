@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from experiments.compact.leaks import texture_alone, with_pixels
-from experiments.compact.learners import learned, made_up, maps_of, other_drive, query_rows
-from experiments.compact.measures import alarms, box_mean_auroc, found_by_area, mean_over, threshold
+from experiments.compact.learners import learned, made_up, maps_of, other_drive
+from experiments.compact.measures import alarms, box_mean_auroc, figure, found_by_area, mean_over, threshold
 from experiments.compact.prepared import (
     Maps,
     Prepared,
@@ -27,9 +27,8 @@ from experiments.compact.prepared import (
     with_fusion,
 )
 from experiments.compact.splits import agreeing, light_levels, splits
-from experiments.compact.wrong import far_hypotheses, laid_over, plain
+from experiments.compact.wrong import far_hypotheses, laid_over
 from fdslam.detectors import compact, early
-from fdslam.metrics import Figure
 from fdslam.progress import single_threaded
 
 AT = 10  # percent of the cells: X of areas and alarms
@@ -48,7 +47,7 @@ def exchanged(ready: Prepared, own: Named) -> Iterator[tuple[str, Named]]:
     """Yield every row in which something is exchanged, the quick ones first: its name and the maps of its methods."""
     context, config = ready.context, ready.context.config
     seen = compact.all_evidence(context, ready.kept)
-    made, rows = made_up(ready), query_rows(ready, seen, context.hypotheses)
+    made, rows = made_up(ready), [*early.rows_of(context, seen)]
     for name, (there, here) in {
         "query alone: density of keypoints": (
             [texture_alone(one) for one in made.rows],
@@ -69,13 +68,11 @@ def exchanged(ready: Prepared, own: Named) -> Iterator[tuple[str, Named]]:
 
     over = laid_over(ready, far)
     learner = early.trees_of(context, ready.kept)
-    laid: Named = {"CC": plain(over, config.compact), "EF": maps_of(learner, query_rows(ready, over, far), own["EF"])}
+    laid: Named = {
+        "CC": [compact.compared(one, config.compact) for one in over],
+        "EF": maps_of(learner, [*early.rows_of(wrong, over)], own["EF"]),
+    }
     yield "wrong map, laid over whole", with_fusion(laid, config.mix.rule)
-
-
-def figure(one: Figure | None, digits: int) -> str:
-    """Return a figure with its interval."""
-    return f"{one.value:.{digits}f} ({one.low:.{digits}f}–{one.high:.{digits}f})" if one else "–"
 
 
 def line(ready: Prepared, name: str, method: str, maps: Maps, queries: list[int]) -> str:
@@ -138,7 +135,7 @@ def tables(ready: Prepared, folder: Path | None) -> Iterator[str]:
 
 def main() -> None:
     """Print the tables."""
-    given = options().parse_args()
+    given = options(__doc__).parse_args()
     single_threaded()
     for folder in given.folders or [None]:
         for ready in prepared(configuration(folder, given.yolo, given.bing, given.store)):

@@ -7,16 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.ensemble import HistGradientBoostingClassifier
 
 from experiments.compact.prepared import Maps, Prepared
-from fdslam.compact.features import features
-from fdslam.compact.training import NEITHER, PSEUDO, chosen, fd_of, pseudo_keys, trained
+from fdslam.compact.training import boosted, made_up_rows, sure_cells, turns
 from fdslam.compact.trees import Trees
 from fdslam.config import Training
 from fdslam.data.folder import DRIVE_GAP
-from fdslam.errors import InputError
-from fdslam.store import Arrays
 from fdslam.types import Dataset
 
 Rows = NDArray[np.float32]  # [cells, features] of an image
@@ -32,57 +28,21 @@ class MadeUp:
 
 
 def made_up(ready: Prepared) -> MadeUp:
-    """Return what early fusion is trained on, after training it where that was not done yet."""
+    """Return what early fusion is trained on."""
     context = ready.context
-    _ = trained(context, ready.kept, ready.identity)
-    images = chosen(len(context.dataset.map), context.config.early) * context.config.early.rounds
-    found: list[Arrays] = []
-    for m, key in zip(images, pseudo_keys(context, ready.kept, ready.identity), strict=True):
-        arrays = context.store.get(PSEUDO, key)
-        if arrays is None:
-            raise InputError(f"made-up changes of map image {m} are not stored; remove the trees from the store")
-        found.append(arrays)
+    images = [m for _, m in turns(len(context.dataset.map), context.config.early)]
+    found = made_up_rows(context, ready.kept)
     return MadeUp(tuple(images), tuple(one["features"] for one in found), tuple(one["label"] for one in found))
 
 
 def learned(rows: Sequence[Rows], label: Sequence[NDArray[np.uint8]], config: Training, seed: int) -> Trees:
     """Return trees trained as ``compact.training.fit`` does, on any features."""
-    all_rows, all_labels = np.concatenate(rows), np.concatenate(label)
-    sure = all_labels != NEITHER
-    model = HistGradientBoostingClassifier(
-        learning_rate=config.rate,
-        max_iter=config.trees,
-        max_leaf_nodes=config.leaves,
-        early_stopping=False,
-        random_state=seed,
-    )
-    return Trees.of(model.fit(all_rows[sure], all_labels[sure]))
-
-
-def query_rows(ready: Prepared, seen: Sequence[Arrays], best: Sequence[NDArray[np.int64]]) -> list[Rows]:
-    """Return the features of early fusion of every query.
-
-    Args:
-        ready: the run.
-        seen: the evidence of every query.
-        best: the hypotheses of every query.
-    """
-    context = ready.context
-    data, found = context.dataset, []
-    for frame, one, at, images in zip(data.query, seen, context.localizations, best, strict=True):
-        fd = fd_of(at, images, (frame.height, frame.width), len(data.map), context.config.fd)
-        found.append(features(one, fd))
-    return found
-
-
-def loc(trees: Trees, rows: Rows, shape: tuple[int, int]) -> NDArray[np.float32]:
-    """Return the log odds of an image's cells, float32 of that shape."""
-    return trees.log_odds(rows.astype(np.float64)).reshape(shape).astype(np.float32)
+    return boosted(*sure_cells(rows, label), config, seed)
 
 
 def maps_of(trees: Trees, rows: Sequence[Rows], like: Maps) -> Maps:
     """Return the LoC of every query; ``like``: maps of the same queries."""
-    return [loc(trees, one, (cells.shape[0], cells.shape[1])) for one, cells in zip(rows, like, strict=True)]
+    return [trees.loc(one, (cells.shape[0], cells.shape[1])) for one, cells in zip(rows, like, strict=True)]
 
 
 def drives(times: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -113,5 +73,5 @@ def other_drive(ready: Prepared, made: MadeUp, rows: Sequence[Rows], like: Maps)
         config = context.config
         trees = learned([made.rows[i] for i in which], [made.label[i] for i in which], config.early, config.seed)
         for q in np.flatnonzero(mine == one).tolist():
-            maps[q] = loc(trees, rows[q], (like[q].shape[0], like[q].shape[1]))
+            maps[q] = trees.loc(rows[q], (like[q].shape[0], like[q].shape[1]))
     return maps

@@ -17,6 +17,11 @@ from fdslam.metrics.curves import location_controlled_auroc
 LEAST = 4  # cells of an alarm
 
 
+def figure(one: Figure | None, digits: int) -> str:
+    """Return a figure with its interval."""
+    return f"{one.value:.{digits}f} ({one.low:.{digits}f}–{one.high:.{digits}f})" if one else "–"
+
+
 def box_mean_matrix(values: NDArray[np.floating], scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Compare the mean LoC of every box with that of the same cells in every unchanged query.
 

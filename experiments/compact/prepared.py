@@ -34,16 +34,10 @@ class Prepared:
     context: Context
     kept: CompactMap
 
-    @property
-    def identity(self) -> str:
-        """What decides the map, as made-up changes want it."""
-        assert self.context.bow is not None
-        return self.context.bow.identity
 
-
-def options() -> argparse.ArgumentParser:
-    """Return what both scripts of this folder ask for."""
-    parser = argparse.ArgumentParser()
+def options(description: str | None) -> argparse.ArgumentParser:
+    """Return what every script on mode best asks for; ``description``: its docstring."""
+    parser = argparse.ArgumentParser(description=(description or "").splitlines()[0])
     parser.add_argument("folders", nargs="*", type=Path)
     parser.add_argument("--yolo", default="", help="ONNX file of a detector; without it the shipped one")
     parser.add_argument("--bing", default="", help="BING filters; without them the shipped ones")
@@ -83,14 +77,8 @@ def scene(context: Context, queries: Sequence[int]) -> Scene:
     """Return what is true of some of the queries."""
     data = context.dataset
     assert data.boxes is not None
-    frames = [data.query[q] for q in queries]
-    return Scene(
-        tuple(frame.name for frame in frames),
-        tuple(frame.height for frame in frames),
-        tuple(frame.width for frame in frames),
-        tuple(data.boxes[q] for q in queries),
-        images=tuple(frame.digest for frame in frames),
-    )
+    some = replace(data, query=tuple(data.query[q] for q in queries), boxes=tuple(data.boxes[q] for q in queries))
+    return Scene.of(some, [frame.name for frame in some.query])
 
 
 def measured(name: str, maps: Maps, context: Context, queries: Sequence[int]) -> Row:

@@ -6,15 +6,14 @@ image takes.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from experiments.compact.measures import box_mean_auroc
-from experiments.compact.prepared import configuration
+from experiments.compact.measures import box_mean_auroc, figure
+from experiments.compact.prepared import configuration, options
 from fdslam.config import Config
-from fdslam.metrics import Figure, Scene
+from fdslam.metrics import Scene
 from fdslam.pipeline import Outcome, run
 from fdslam.progress import single_threaded
 from fdslam.provenance import Stopwatch
@@ -24,22 +23,10 @@ ROWS = ["FD", "CC", "WC", "MW", "EF", "CC+EF", "FD+CC+EF"]
 HEAD = "| data set | looks | rows | X = 5 / 10 / 15 / 20 % | at 10 % | lc-AUROC, cells | lc-AUROC, boxes | KB / image |"
 
 
-def figure(one: Figure | None, digits: int) -> str:
-    """Return a measurement with its interval."""
-    return "–" if one is None else f"{one.value:.{digits}f} ({one.low:.{digits}f}–{one.high:.{digits}f})"
-
-
 def lines(outcome: Outcome, config: Config, name: str) -> Iterator[str]:
     """Yield one row of Markdown per method."""
     data = outcome.dataset
-    assert data.boxes is not None
-    scene = Scene(
-        tuple(identities([data])),
-        tuple(frame.height for frame in data.query),
-        tuple(frame.width for frame in data.query),
-        data.boxes,
-        images=tuple(frame.digest for frame in data.query),
-    )
+    scene = Scene.of(data, identities([data]))
     for row in outcome.rows:
         found = " / ".join(f"{one.value:.1f}" for one in row.pooled.values() if one)
         values = scene.flatten(row.method, outcome.maps[row.method])
@@ -55,15 +42,11 @@ def lines(outcome: Outcome, config: Config, name: str) -> Iterator[str]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("folders", nargs="*", type=Path)
-    parser.add_argument("--yolo", default="", help="ONNX file of the detector of the OBBs; without it the shipped one")
-    parser.add_argument("--bing", default="", help="BING filters; without them the shipped ones")
+    parser = options(__doc__)
     parser.add_argument("--looks", default="", help="ONNX file of the dense descriptors, if it is another detector")
     parser.add_argument("--gradients", action="store_true", help="descriptors without a network")
     parser.add_argument("--model", default="auto", choices=("auto", "map", "shipped"), help="learner of EF")
     parser.add_argument("--previous", type=int, default=0, help="queries before the present one that count too")
-    parser.add_argument("--store", default="outputs/store")
     asked = parser.parse_args()
     single_threaded()
     print(f"{HEAD}\n|---|---|---|---|---|---|---|---:|", flush=True)

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from experiments.compact.measures import box_mean_matrix
 from experiments.compact.prepared import Maps, Prepared, configuration, options, prepared, scene
-from fdslam.bow.around import candidates
-from fdslam.compact.alignment import Aligned, align
 from fdslam.data.images import read_image
 from fdslam.detectors import compact, early
 from fdslam.metrics import Scene
@@ -50,17 +48,6 @@ def worst(values: NDArray[np.floating], some: Scene, count: int) -> list[Missed]
     return found
 
 
-def best_aligned(ready: Prepared, query: int) -> Aligned | None:
-    """Return the map image with most agreeing keypoints; None where none aligns."""
-    context, config, bow = ready.context, ready.context.config.compact, ready.context.bow
-    assert bow is not None
-    frame = context.dataset.query[query]
-    images = candidates(context.hypotheses[query], len(context.dataset.map), config.hypotheses, config.neighbours)
-    size = frame.height, frame.width
-    found = align(bow.keypoints(frame), size, images, ready.kept.words, ready.kept.size, config)
-    return found[0] if found else None
-
-
 def panel(image: Image, title: str, boxes: Sequence[tuple[NDArray[np.float32], tuple[int, int, int]]] = ()) -> Image:
     """Return an image (uint8 RGB) in the width of a panel, with boxes (xyxy, colour) and a line above it."""
     scale = WIDTH / image.shape[1]
@@ -91,7 +78,7 @@ def sheet(ready: Prepared, missed: Sequence[Missed], maps: dict[str, Maps]) -> I
         image, truth = read_image(data.query[query].path), (data.boxes or ())[query]
         colours = [OTHER if i != box else MISSED for i in range(len(truth))]
         marked = list(zip(truth, colours, strict=True))
-        other = best_aligned(ready, query)
+        other = next(iter(compact.aligned(ready.context, ready.kept, query)), None)
         there = image * 0 if other is None else read_image(data.map[other.image].path)
         agree = "no map image aligns" if other is None else f"{data.map[other.image].name}: {len(other.here)} agree"
         panels = [panel(image, f"{data.query[query].name}: beats {100 * share:.0f} %", marked), panel(there, agree)]
@@ -108,7 +95,7 @@ def sheet(ready: Prepared, missed: Sequence[Missed], maps: dict[str, Maps]) -> I
 
 def main() -> None:
     """Write the sheets."""
-    parser = options()
+    parser = options(__doc__)
     parser.add_argument("--out", type=Path, default=Path("outputs/worst"))
     given = parser.parse_args()
     single_threaded()

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
-from experiments.compact.prepared import Maps, Prepared
+from experiments.compact.prepared import Prepared
 from fdslam.compact.alignment import Aligned
 from fdslam.compact.evidence import evidence
 from fdslam.compact.grid import Grid
-from fdslam.config import Compact
 from fdslam.context import Context
 from fdslam.metrics.seeds import generator
 from fdslam.store import Arrays
@@ -77,9 +75,3 @@ def laid_over(ready: Prepared, wrong: Sequence[NDArray[np.int64]]) -> list[Array
             evidence(bow.keypoints(frame), seen, size, aligned, lambda m: ready.kept.looks(data.map[m]), config)
         )
     return found
-
-
-def plain(seen: Sequence[Arrays], config: Compact) -> Maps:
-    """Return the LoC of CC for the evidence of every query."""
-    maps = [config.fine * one["fine"] + (1 - config.fine) * one["coarse"] for one in seen]
-    return [gaussian_filter(cells, config.sigma) if config.sigma else cells for cells in maps]

@@ -1,20 +1,18 @@
-"""One query in mode best, stage by stage: python -m experiments.speed.compact [DIR] [--yolo FILE] [--bing FILTERS]
+"""One query in mode best, stage by stage: python -m experiments.speed.compact [DIR …] [--yolo FILE] [--bing FILTERS]
 
-Every stage of the pipeline for queries of a folder or, without one, of the campus, by the functions that the pipeline
-calls, in one thread and without the store. The map, its looks and its learner are made first. U is the time of OpenCV's
-brute-force 2-NN of 1,490 × 1,490 descriptors in the same process.
+Every stage of the pipeline for queries of every folder or, without one, of the campus, by the functions that the
+pipeline calls, in one thread and without the store. The map, its looks and its learner are made first. U is the time of
+OpenCV's brute-force 2-NN of 1,490 × 1,490 descriptors in the same process.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
-from experiments.compact.prepared import Prepared, configuration, prepared
+from experiments.compact.prepared import Prepared, configuration, options, prepared
 from experiments.speed.query import Watch
 from experiments.speed.stages import random_descriptors, unit_seconds
 from fdslam.bow.around import candidates
@@ -32,6 +30,8 @@ from fdslam.detectors.support import HYPOTHESES, NEIGHBOURS, support
 from fdslam.localization import localize
 from fdslam.obb import Library, joined
 from fdslam.progress import single_threaded
+from fdslam.sampling import evenly
+from fdslam.types import grid_shape
 
 T = TypeVar("T")
 
@@ -74,8 +74,7 @@ def ask(ready: Prepared, trees: Trees, library: Library, query: int, watch: Watc
     with watch.stage("CC, WC and MW"):
         seen = evidence(keypoints, looks, size, aligned, lambda m: kept.looks(data.map[m]), config.compact)
     with watch.stage("EF"):
-        rows = features(seen, fd_of(where, best, size, len(data.map), config.fd))
-        trees.log_odds(rows.astype(np.float64))
+        trees.loc(features(seen, fd_of(where, best, size, len(data.map), config.fd)), grid_shape(*size))
 
 
 def table(watch: Watch, queries: int, unit: float) -> str:
@@ -98,27 +97,24 @@ def measure(config: Config, queries: int) -> str:
     ready.kept.ensure(data.map, "looks of the map")
     trees = trees_of(ready.context, ready.kept)
     library = Library(config.obb)
-    count = min(queries, len(data.query) - 1)
     ask(ready, trees, library, 0, Watch())  # loads the kernels
     watch, unit = Watch(), unit_seconds(random_descriptors())
-    for query in np.linspace(1, len(data.query) - 1, count).round().astype(int).tolist():
-        ask(ready, trees, library, query, watch)
+    asked = evenly(len(data.query) - 1, queries)
+    for query in asked:
+        ask(ready, trees, library, query + 1, watch)
     frame = data.query[0]
     head = f"{data.name}: M = {len(data.map)}, {frame.width} × {frame.height}, U = {1000 * unit:.1f} ms"
-    return f"{head}, medians of {count} queries\n\n{table(watch, count, unit)}"
+    return f"{head}, medians of {len(asked)} queries\n\n{table(watch, len(asked), unit)}"
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("folder", nargs="?", type=Path)
-    parser.add_argument("--yolo", default="", help="ONNX file of a detector; without it the shipped one")
-    parser.add_argument("--bing", default="", help="BING filters; without them the shipped ones")
-    parser.add_argument("--store", default="outputs/store")
+    parser = options(__doc__)
     parser.add_argument("--queries", type=int, default=20)
     asked = parser.parse_args()
     single_threaded()
-    print(measure(configuration(asked.folder, asked.yolo, asked.bing, asked.store), asked.queries))
+    for folder in asked.folders or [None]:
+        print(measure(configuration(folder, asked.yolo, asked.bing, asked.store), asked.queries), flush=True)
 
 
 if __name__ == "__main__":

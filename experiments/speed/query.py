@@ -170,9 +170,8 @@ class Robot:
         for frame, best in zip(context.dataset.query, context.hypotheses, strict=True):
             right = int(frame.name.split("/")[1]) % len(self.views)
             places.append(np.array([right, *best[1:]]))
-            for m in candidates(
-                places[-1], len(frames), support.HYPOTHESES, support.NEIGHBOURS
-            ):  # what building the map would have left
+            near = candidates(places[-1], len(frames), support.HYPOTHESES, support.NEIGHBOURS)
+            for m in near:  # what building the map would have left
                 key = self.bow.features.key(frames[m])
                 if not self.store.has(FEATURES, key):
                     orb = self.orbs[m % len(self.orbs)]

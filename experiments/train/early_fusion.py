@@ -19,27 +19,24 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import save
 
-import fdslam.detectors  # noqa: F401 - before compact.training, which needs a part of it that needs compact
+from experiments.compact.prepared import prepared
 from experiments.train.scenes import configured
-from fdslam.compact.features import NAMES, features
+from fdslam.compact.features import NAMES
 from fdslam.compact.shipped import file_name
-from fdslam.compact.training import NEITHER, PSEUDO, chosen, fd_of, fit, pseudo_keys, pseudo_rows
+from fdslam.compact.training import NEITHER, fit, made_up_rows, sure_cells
 from fdslam.compact.trees import Trees
 from fdslam.config import Config
 from fdslam.context import Context
-from fdslam.data import load_datasets
 from fdslam.detectors.compact import all_evidence, compact_map
 from fdslam.detectors.compact import detect as compact_comparison
+from fdslam.detectors.early import rows_of
 from fdslam.errors import InputError
 from fdslam.fusion import fuse
-from fdslam.hypotheses import hypotheses
-from fdslam.mapping import BowMap
 from fdslam.metrics import Row, Scene, box_overlap, evaluate, positive_cells
-from fdslam.models import load_models
 from fdslam.onnx_model import shipped
 from fdslam.progress import single_threaded
 from fdslam.run import USAGE_ERROR
-from fdslam.store import Store, write_atomically
+from fdslam.store import write_atomically
 from fdslam.types import Dataset
 
 World = tuple[int, str, str]  # campus, season of the queries, season of the map
@@ -65,33 +62,19 @@ class Cells:
 
 def opened(config: Config) -> Context:
     """Return a world with its queries localised, as a run would have it."""
-    store, models = Store(config.store), load_models(config)
-    [dataset] = load_datasets(config.dataset, store, config.workers)
-    bow = BowMap(dataset.map, config.bow, models.library, store, config.workers)
-    keys, found = bow.localize(dataset.query)
-    best = hypotheses(config.evaluation, dataset, found)
-    return Context(config, dataset, store, tuple(found), tuple(keys), best, bow, models.looks)
+    [ready] = prepared(config)
+    return ready.context
 
 
 def of_map(context: Context) -> Rows:
     """Return the cells of a world's map images with made-up changes, each localised without itself."""
-    kept, config, count = compact_map(context), context.config, len(context.dataset.map)
-    assert context.bow is not None
-    kept.ensure(context.dataset.map, "looks of the map")
-    keys = pseudo_keys(context, kept, context.bow.identity)
-    which = [(m, turn) for turn in range(config.early.rounds) for m in chosen(count, config.early)]
-    made = context.fetch(PSEUDO, keys, lambda i: pseudo_rows(context, kept, *which[i]), "made-up changes")
-    return _joined([(one["features"], one["label"]) for one in made])
+    made = made_up_rows(context, compact_map(context))
+    return sure_cells([one["features"] for one in made], [one["label"] for one in made])
 
 
 def of_queries(context: Context) -> list[NDArray[np.float32]]:
     """Return the features of each query's cells, as the detector EF sees them."""
-    data, config = context.dataset, context.config
-    seen = all_evidence(context, compact_map(context))
-    found = []
-    for frame, one, where, best in zip(data.query, seen, context.localizations, context.hypotheses, strict=True):
-        found.append(features(one, fd_of(where, best, (frame.height, frame.width), len(data.map), config.fd)))
-    return found
+    return [*rows_of(context, all_evidence(context, compact_map(context)))]
 
 
 def cell_labels(boxes: NDArray[np.float32], height: int, width: int) -> NDArray[np.uint8]:
@@ -102,12 +85,6 @@ def cell_labels(boxes: NDArray[np.float32], height: int, width: int) -> NDArray[
     positive = positive_cells(boxes, height, width)
     touched = np.any([box_overlap(box, height, width) > 0 for box in boxes] or [np.zeros_like(positive)], axis=0)
     return np.where(positive, 1, np.where(touched, NEITHER, 0)).astype(np.uint8).ravel()
-
-
-def _joined(parts: Sequence[Rows]) -> Rows:
-    """Join the cells of several images or worlds, without those that are neither changed nor unchanged."""
-    rows, label = (np.concatenate([part[i] for part in parts]) for i in range(2))
-    return rows[label != NEITHER], label[label != NEITHER].astype(np.uint8)
 
 
 def cells(world: World, source: str, overrides: Sequence[str], images: int | None = None) -> Cells:
@@ -133,7 +110,7 @@ def cells(world: World, source: str, overrides: Sequence[str], images: int | Non
     each = of_queries(context)
     sizes = [(frame.height, frame.width) for frame in data.query]
     label = [cell_labels(boxes, *size) for boxes, size in zip(data.boxes, sizes, strict=True)]
-    rows = {"queries": _joined(list(zip(each, label, strict=True)))}
+    rows = {"queries": sure_cells(each, label)}
     if images != 0:
         rows["map"] = of_map(context)
     compared = list(compact_comparison(context).loc)
@@ -142,22 +119,19 @@ def cells(world: World, source: str, overrides: Sequence[str], images: int | Non
 
 def trained(worlds: Sequence[Cells], kinds: Sequence[str], seed: int) -> Trees:
     """Return trees trained on the cells of some worlds, those of the kinds of data that are named."""
-    rows, label = _joined([world.rows[kind] for world in worlds for kind in kinds])
+    rows, label = (np.concatenate([world.rows[kind][i] for world in worlds for kind in kinds]) for i in range(2))
     return fit(rows, label, worlds[0].config.early, seed)
 
 
 def looked_at(world: Cells, learner: Trees) -> list[NDArray[np.floating]]:
     """Return the LoC of every query by a learner, as the detector EF gives it."""
-    told = [learner.log_odds(rows.astype(np.float64)) for rows in world.queries]
-    return [odds.astype(np.float32).reshape(cc.shape) for odds, cc in zip(told, world.compared, strict=True)]
+    every = zip(world.queries, world.compared, strict=True)
+    return [learner.loc(rows, (cc.shape[0], cc.shape[1])) for rows, cc in every]
 
 
 def figures(world: Cells, learners: Mapping[str, Trees]) -> Iterator[Row]:
     """Yield the figures on a world's queries: those of CC, then of each learner alone and fused with CC."""
-    frames, boxes = world.dataset.query, world.dataset.boxes
-    assert boxes is not None
-    heights, widths = (tuple(getattr(frame, side) for frame in frames) for side in ("height", "width"))
-    scene = Scene(tuple(f.name for f in frames), heights, widths, boxes, tuple(f.digest for f in frames))
+    scene = Scene.of(world.dataset, [frame.name for frame in world.dataset.query])
     settings, seed = world.config.evaluation, world.config.seed
     yield evaluate("CC", world.compared, scene, settings, seed)
     for name, learner in learners.items():

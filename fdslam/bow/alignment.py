@@ -33,13 +33,9 @@ def predicted(
     Source: METHOD's recipe for the compact map, by least squares instead of RANSAC, as the matches are verified.
     """
     points: NDArray[np.float64] = xy.astype(np.float64)
-    a, b = here.astype(np.float64), there.astype(np.float64)
-    if len(a) < FEWEST:
+    if len(here) < FEWEST:
         return points
-    model = affine(a, b, SCALE * side)
-    residual = b - with_one(a) @ model
-    kept = np.abs(residual).max(axis=1) <= STRAY * side
-    a, residual = a[kept], residual[kept]
+    model, a, residual = fitted(here, there, side)
     squared = ((points[:, None] - a[None]) ** 2).sum(axis=2)
     wide, near = (np.exp(-squared / (2 * (sigma * side) ** 2)) for sigma in (WIDE, NEAR))
     prior = wide @ residual / (wide.sum(axis=1, keepdims=True) + 1)
@@ -47,12 +43,26 @@ def predicted(
     return with_one(points) @ model + flow
 
 
+def fitted(
+    here: NDArray[np.float32], there: NDArray[np.float32], side: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the affine map [3, 2] of matches (arguments as ``predicted``), and those that are none of its strays.
+
+    Of these float64 [k, 2] each: where they are in the one image, and what the map leaves of them in the other.
+    """
+    a, b = here.astype(np.float64), there.astype(np.float64)
+    model = _affine(a, b, SCALE * side)
+    residual = b - with_one(a) @ model
+    kept = np.abs(residual).max(axis=1) <= STRAY * side
+    return model, a[kept], residual[kept]
+
+
 def with_one(xy: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points [n, 2] with a third coordinate 1."""
     return np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
 
 
-def affine(a: NDArray, b: NDArray, scale: float) -> NDArray[np.float64]:
+def _affine(a: NDArray, b: NDArray, scale: float) -> NDArray[np.float64]:
     """Return the affine map [3, 2] from a to b, fitted with weights 1 / (1 + (residual / scale)²); scale in pixels."""
     rows, weight = with_one(a), np.ones(len(a))
     model = np.zeros((3, 2))

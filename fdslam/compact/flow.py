@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.alignment import FEWEST, NEAR, SCALE, STRAY, WIDE, affine, with_one
+from fdslam.bow.alignment import FEWEST, NEAR, WIDE, fitted, with_one
+from fdslam.compact.grid import read_at
 
 STEPS = 40  # of the lattice along √(height · width): under half of the narrower Gaussian's σ
-LINE = 1024  # points read at once
 Field = NDArray[np.float32]  # [rows, cols, channels] on the lattice
 
 
@@ -31,23 +30,14 @@ class Flow:
     def at(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return where points ([n, 2] pixels) should be seen in the other image, float64 [n, 2] pixels."""
         points: NDArray[np.float64] = np.asarray(xy, np.float64)
-        return with_one(points) @ self.model + self._read(points)[:, :2]
+        return with_one(points) @ self.model + read_at(self.field, points / self.step)[:, :2]
 
     def confidence(self, xy: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return how many matches are near points ([n, 2] pixels) and how many in a wider surrounding: float32 [n, 2].
 
         Each counts by the Gaussian that the flow is averaged with; 0 where nothing is known.
         """
-        return self._read(np.asarray(xy, np.float64))[:, 2:]
-
-    def _read(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
-        places = np.zeros((-(-len(points) // LINE) * LINE, 2), np.float32)  # whole lines: OpenCV wants both sides short
-        places[: len(points)] = points / self.step
-        x, y = (np.ascontiguousarray(one) for one in places.reshape(-1, LINE, 2).transpose(2, 0, 1))
-        if not len(points):
-            return np.zeros((0, 4), np.float32)
-        read = cv2.remap(self.field, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(read, np.float32).reshape(-1, 4)[: len(points)]
+        return read_at(self.field, np.asarray(xy, np.float64) / self.step)[:, 2:]
 
 
 def flow(here: NDArray[np.float32], there: NDArray[np.float32], height: int, width: int) -> Flow:
@@ -67,11 +57,7 @@ def flow(here: NDArray[np.float32], there: NDArray[np.float32], height: int, wid
     rows, cols = (int(np.ceil(n / step)) + 1 for n in (height, width))
     if len(here) < FEWEST:
         return Flow(np.array([[1.0, 0], [0, 1], [0, 0]]), np.zeros((rows, cols, 4), np.float32), step)
-    a, b = here.astype(np.float64), there.astype(np.float64)
-    model = affine(a, b, SCALE * side)
-    residual = b - with_one(a) @ model
-    kept = np.abs(residual).max(axis=1) <= STRAY * side
-    a, residual = a[kept], residual[kept]
+    model, a, residual = fitted(here, there, side)
     terms = np.concatenate([residual, np.ones((len(a), 1))], axis=1)  # [k, 3]
     near, wide = (_sums(a, terms, rows, cols, step, sigma * side) for sigma in (NEAR, WIDE))
     prior = wide[..., :2] / (wide[..., 2:] + 1)

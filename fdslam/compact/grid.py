@@ -14,6 +14,26 @@ from numpy.typing import NDArray
 
 from fdslam.types import CELL, Cells, grid_shape
 
+LINE = 1024  # points read at once: OpenCV wants both sides of what it reads short
+
+
+def read_at(field: NDArray[np.float32], places: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Return a field (float32 [rows, cols, channels]) at places ([n, 2] column and row), bilinear: [n, channels]."""
+    lines = np.zeros((-(-len(places) // LINE) * LINE, 2), np.float32)
+    lines[: len(places)] = places
+    x, y = (np.ascontiguousarray(one) for one in lines.reshape(-1, LINE, 2).transpose(2, 0, 1))
+    if not len(places):
+        return np.zeros((0, field.shape[2]), np.float32)
+    read = cv2.remap(field, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(read, np.float32).reshape(-1, field.shape[2])[: len(places)]
+
+
+def cell_means(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return the mean of pixels [H, W] in each cell, [rows, cols], those at the border of what is inside."""
+    rows, cols = (np.arange(0, side, CELL) for side in pixels.shape)
+    sums = np.add.reduceat(np.add.reduceat(pixels.astype(np.float64), rows, axis=0), cols, axis=1)
+    return sums / np.outer(np.diff(np.append(rows, pixels.shape[0])), np.diff(np.append(cols, pixels.shape[1])))
+
 
 @dataclass(frozen=True)
 class Grid:

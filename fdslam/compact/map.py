@@ -9,18 +9,18 @@ from functools import cached_property, lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.compact.evidence import Looks
+from fdslam.compact.evidence import LEVELS, Looks
 from fdslam.compact.signs import Centring, centring, stored
 from fdslam.compact.source import Source
 from fdslam.config import Dense
 from fdslam.context import Words, ensure, load
 from fdslam.data.images import LIBRARIES, read_image
+from fdslam.sampling import evenly
 from fdslam.store import Arrays, Key, Stage, Store
 from fdslam.types import Features, Frame
 
-CENTRING = Stage("dense_centring", ("fdslam.compact.signs", "fdslam.data.images"), LIBRARIES)
 SIGNS = Stage("dense_signs", ("fdslam.compact.signs", "fdslam.data.images"), LIBRARIES)
-NAMES = ("fine", "coarse")
+SIZE = Stage("compact_size", ("fdslam.compact.map",))
 WHOLE = 65_535  # a position's units: this many a side of the image
 RECENT = 64  # map images whose unpacked words are kept at hand
 
@@ -74,25 +74,24 @@ class CompactMap:
         self._placed = lru_cache(RECENT)(self._unpacked)
 
     def _sample(self) -> list[Frame]:
-        count = min(self.config.sample, len(self.frames))
-        return [self.frames[i] for i in np.linspace(0, len(self.frames) - 1, count).round().astype(int)]
+        return [self.frames[i] for i in evenly(len(self.frames), self.config.sample)]
 
     @cached_property
     def centring_key(self) -> Key:
         """The address of what the descriptors are centred on."""
         bits = {"fine": self.config.fine_bits, "coarse": self.config.coarse_bits}
         inputs = [frame.digest for frame in self._sample()]
-        return CENTRING.key({"source": self.source.identity, "code": self.code.key({}, []), **bits}, inputs)
+        return self._centring.key({"source": self.source.identity, **bits}, inputs)
 
     @property
-    def code(self) -> Stage:
-        """The code that describes images."""
-        return Stage("dense", (type(self.source).__module__,), LIBRARIES)
+    def _centring(self) -> Stage:
+        described = type(self.source).__module__, "fdslam.compact.signs", "fdslam.data.images"
+        return Stage("dense_centring", described, LIBRARIES)
 
     @cached_property
     def centrings(self) -> tuple[Centring, Centring]:
         """What makes bits of descriptors, fine and coarse."""
-        arrays = load(self.store, CENTRING, self.centring_key, self._fit)
+        arrays = load(self.store, self._centring, self.centring_key, self._fit)
         return stored(arrays, "fine"), stored(arrays, "coarse")
 
     def _fit(self) -> Arrays:
@@ -113,7 +112,7 @@ class CompactMap:
         ensure(self.store, SIGNS, jobs, self.workers, label)
 
     def _describe(self, frame: Frame) -> Arrays:
-        return dict(zip(NAMES, self.look(read_image(frame.path)).signs, strict=True))
+        return dict(zip(LEVELS, self.look(read_image(frame.path)).signs, strict=True))
 
     def look(self, image: NDArray[np.uint8]) -> Looks:
         """Return the descriptors of an image (uint8 RGB [H, W, 3])."""
@@ -150,6 +149,10 @@ class CompactMap:
 
     def kept(self) -> float:
         """Return the bytes per map image beside the bag of words: descriptors, and which words were where."""
+        key = SIZE.key({}, [self.centring_key, self.bow.identity])
+        return float(load(self.store, SIZE, key, lambda: {"bytes": np.array(self._measured())})["bytes"])
+
+    def _measured(self) -> float:
         dense = sum(array.nbytes for frame in self.frames for array in self.looks(frame).signs)
         words = sum(self.placed(image).nbytes for image in range(len(self.frames)))
         centring_bytes = sum(array.nbytes for one in self.centrings for array in one.arrays("").values())

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from fdslam.bow.verification import supporting_matches
 from fdslam.compact.alignment import LEAST
 from fdslam.compact.flow import flow
-from fdslam.compact.grid import Grid
-from fdslam.types import CELL, Cells, Features
+from fdslam.compact.grid import Grid, read_at
+from fdslam.types import CELL, Cells, Features, grid_shape
 
 
 def pooled(
@@ -53,20 +51,11 @@ def _pooled(
         found = flow(own.xy[mine], theirs.xy[partners], *sizes[query])
         at = found.at(centres)
         height, width = sizes[other]
+        grid = Grid(*grid_shape(height, width), CELL, CELL)
         inside = ((at >= 0) & (at < (width, height))).all(axis=1)
         near = found.confidence(centres)[:, 0]
         weight = (inside * near / (near + 1)).reshape(rows, cols)
-        total += weight * _read(loc[other], at).reshape(rows, cols)
+        seen = read_at(loc[other][..., None], grid.places(at))
+        total += weight * seen.reshape(rows, cols)
         weights += weight
     return (total / weights).astype(np.float32)
-
-
-def _read(cells: Cells, at: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return cells at points of their image (float64 [n, 2] pixels), bilinear: float32 [n]."""
-    place = (at / CELL - 0.5).astype(np.float32)
-    line = (np.ascontiguousarray(place[None, :, axis]) for axis in (0, 1))
-    parts = [
-        cv2.remap(cells, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        for x, y in zip(*(np.array_split(one, -(-len(at) // 16_384), axis=1) for one in line), strict=True)
-    ]
-    return np.concatenate([np.ravel(np.asarray(part)) for part in parts]).astype(np.float32)

@@ -10,6 +10,7 @@ from sklearn.ensemble import HistGradientBoostingClassifier
 
 from fdslam.native import NATIVE, njit
 from fdslam.store import Arrays
+from fdslam.types import Cells
 
 LEAF = -1
 
@@ -42,6 +43,10 @@ class Trees:
                 node[inner] = np.where(goes_left, self.left[at], self.right[at])
             total += self.value[node]
         return total
+
+    def loc(self, rows: NDArray[np.float32], shape: tuple[int, int]) -> Cells:
+        """Return the log odds of an image's cells, float32 of that shape, from their features row by row."""
+        return self.log_odds(rows.astype(np.float64)).reshape(shape).astype(np.float32)
 
     def arrays(self) -> Arrays:
         """Return everything for storage; ``from_arrays`` takes it back."""

@@ -93,6 +93,11 @@ class Mix(Checked):
         """What the rows are made of, in the order of their first use."""
         return list(dict.fromkeys(part for row in self.rows for part in row.split("+")))
 
+    @property
+    def compact(self) -> list[str]:
+        """Those of them that need the compact map."""
+        return [name for name in self.detectors if name in COMPACT]
+
 
 @dataclass
 class Evaluation(Checked):

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from fdslam.bow.around import candidates
-from fdslam.compact.alignment import align
+from fdslam.compact.alignment import Aligned, align
 from fdslam.compact.evidence import evidence
 from fdslam.compact.map import SIGNS, CompactMap
 from fdslam.compact.sequence import pooled
-from fdslam.config import Alignment, part
+from fdslam.config import Alignment, Compact, part
 from fdslam.context import Context, Detected
 from fdslam.store import Arrays, Key, Stage
 from fdslam.types import Cells
@@ -55,6 +55,14 @@ def missing(context: Context) -> int:
     return context.store.lacks(EVIDENCE, evidence_keys(context, compact_map(context)))
 
 
+def aligned(context: Context, kept: CompactMap, query: int) -> list[Aligned]:
+    """Return the map images that a query is compared with, those with most agreeing keypoints first."""
+    frame, config, bow = context.dataset.query[query], context.config.compact, context.bow
+    assert bow is not None
+    images = candidates(context.hypotheses[query], len(kept.frames), config.hypotheses, config.neighbours)
+    return align(bow.keypoints(frame), (frame.height, frame.width), images, kept.words, kept.size, config)
+
+
 def all_evidence(context: Context, kept: CompactMap) -> list[Arrays]:
     """Return the evidence of every query, as ``compact.evidence`` gives it."""
     data, config, bow = context.dataset, context.config.compact, context.bow
@@ -62,10 +70,9 @@ def all_evidence(context: Context, kept: CompactMap) -> list[Arrays]:
 
     def look(query: int) -> Arrays:
         frame = data.query[query]
-        images = candidates(context.hypotheses[query], len(data.map), config.hypotheses, config.neighbours)
-        keypoints, size = bow.keypoints(frame), (frame.height, frame.width)
-        aligned = align(keypoints, size, images, kept.words, kept.size, config)
-        return evidence(keypoints, kept.looks(frame), size, aligned, lambda m: kept.looks(data.map[m]), config)
+        size, images = (frame.height, frame.width), aligned(context, kept, query)
+        looks = kept.looks(frame)
+        return evidence(bow.keypoints(frame), looks, size, images, lambda m: kept.looks(data.map[m]), config)
 
     keys = evidence_keys(context, kept)
     if context.store.lacks(EVIDENCE, keys):
@@ -81,12 +88,14 @@ def _detected(context: Context, name: str) -> Detected:
 def detect(context: Context) -> Detected:
     """Return the LoC of every query by its dense descriptors (CC)."""
     kept, config = compact_map(context), context.config.compact
+    loc = [compared(one, config) for one in all_evidence(context, kept)]
+    return Detected(over_queries(context, loc), kept.kept())
 
-    def loc(one: Arrays) -> Cells:
-        cells = config.fine * one["fine"] + (1 - config.fine) * one["coarse"]
-        return (gaussian_filter(cells, config.sigma) if config.sigma else cells).astype(np.float32)
 
-    return Detected(over_queries(context, [loc(one) for one in all_evidence(context, kept)]), kept.kept())
+def compared(one: Arrays, config: Compact) -> Cells:
+    """Return the LoC of CC from the evidence of a query."""
+    cells = config.fine * one["fine"] + (1 - config.fine) * one["coarse"]
+    return (gaussian_filter(cells, config.sigma) if config.sigma else cells).astype(np.float32)
 
 
 def over_queries(context: Context, loc: list[Cells]) -> list[Cells]:

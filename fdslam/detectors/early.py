@@ -6,6 +6,8 @@ The paper names it as future work. It is trained while the map is built, on chan
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,37 +18,38 @@ from fdslam.compact.training import fd_of, lacking, made_up, trained
 from fdslam.compact.trees import Trees
 from fdslam.context import Context, Detected
 from fdslam.detectors.compact import all_evidence, compact_map, over_queries
+from fdslam.store import Arrays
+from fdslam.types import grid_shape
 
 
 def trees_of(context: Context, kept: CompactMap) -> Trees:
     """Return the learner that the configuration wants."""
     if not made_up(context.config.early, len(context.dataset.map)):
         return shipped_trees(context.config)
-    assert context.bow is not None
-    return trained(context, kept, context.bow.identity)
+    return trained(context, kept)
 
 
 def missing(context: Context) -> int:
     """Count the map images in which changes are still to be made up."""
     if not made_up(context.config.early, len(context.dataset.map)):
         return 0
-    assert context.bow is not None
-    return lacking(context, compact_map(context), context.bow.identity)
+    return lacking(context, compact_map(context))
+
+
+def rows_of(context: Context, seen: Sequence[Arrays]) -> Iterator[NDArray[np.float32]]:
+    """Yield the features of the cells of every query, from its evidence and where it was localised."""
+    images, config = len(context.dataset.map), context.config.fd
+    places = zip(context.dataset.query, seen, context.localizations, context.hypotheses, strict=True)
+    for frame, one, found, best in places:
+        yield features(one, fd_of(found, best, (frame.height, frame.width), images, config))
 
 
 def detect(context: Context) -> Detected:
     """Return the LoC of every query: the log odds that a cell has changed."""
-    data, config = context.dataset, context.config
     kept = compact_map(context)
     trees = trees_of(context, kept)
-    seen = all_evidence(context, kept)
-
-    def loc(query: int) -> NDArray[np.float32]:
-        frame = data.query[query]
-        size = frame.height, frame.width
-        fd = fd_of(context.localizations[query], context.hypotheses[query], size, len(data.map), config.fd)
-        return trees.log_odds(features(seen[query], fd).astype(np.float64)).reshape(fd.shape).astype(np.float32)
-
+    rows = rows_of(context, all_evidence(context, kept))
+    shapes = [grid_shape(frame.height, frame.width) for frame in context.dataset.query]
+    found = over_queries(context, [trees.loc(*one) for one in zip(rows, shapes, strict=True)])
     learned = sum(array.nbytes for array in trees.arrays().values())
-    found = over_queries(context, [loc(query) for query in range(len(data.query))])
-    return Detected(found, kept.kept() + learned / len(data.map))
+    return Detected(found, kept.kept() + learned / len(context.dataset.map))

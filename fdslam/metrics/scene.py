@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fdslam.errors import InputError
 from fdslam.metrics.cells import box_overlap, positive_cells
 from fdslam.metrics.seeds import generator
-from fdslam.types import grid_shape
+from fdslam.types import Dataset, grid_shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +52,20 @@ class Scene:
         if len(set(self.names)) < len(self.names):
             twice = next(self._shown(i) for i, name in enumerate(self.names) if name in self.names[:i])
             raise InputError(f"scene: two queries are named {twice!r}; give every query its own name")
+
+    @classmethod
+    def of(cls, data: Dataset, names: Sequence[str]) -> Scene:
+        """Return what is true of the queries of an annotated data set, under these names; equal images are one."""
+        assert data.boxes is not None
+        frames = data.query
+        return cls(
+            tuple(names),
+            tuple(frame.height for frame in frames),
+            tuple(frame.width for frame in frames),
+            data.boxes,
+            images=tuple(frame.digest for frame in frames),
+            shown=tuple(frame.name for frame in frames),
+        )
 
     def image_of(self, query: int) -> str:
         """Return which image a query (as listed) is."""

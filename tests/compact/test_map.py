@@ -77,6 +77,8 @@ def test_an_empty_image():
 class Words:
     """A map of words in which every image has given two."""
 
+    identity = "two words an image"
+
     def posted(self, image):
         return np.array([2 * image, 2 * image + 1, 0], np.int32), np.array([[1, 2], [50, 60], [3.5, 9]], np.float32)
 

@@ -10,6 +10,7 @@ from sklearn.metrics import roc_auc_score
 from fdslam.compact import shipped, training
 from fdslam.compact.features import NAMES
 from fdslam.compact.gradients import Gradients
+from fdslam.compact.grid import cell_means
 from fdslam.compact.shipped import file_name, shipped_trees
 from fdslam.compact.training import NEITHER, PSEUDO, TREES, chosen, fit, lacking, made_up, pseudo_keys, pseudo_rows
 from fdslam.config import Compact, Config, Early, Evaluation, Fd, Training
@@ -55,7 +56,7 @@ def same(one, other):
 
 def rows_of(context):
     kept = compact_map(context)
-    keys = pseudo_keys(context, kept, context.bow.identity)
+    keys = pseudo_keys(context, kept)
     return [context.store.get(PSEUDO, key) for key in keys], keys
 
 
@@ -97,18 +98,18 @@ def test_what_is_damaged_or_lost_is_made_again(world, folder, trained):
 
 def test_what_is_still_to_do_is_counted(world, folder, trained):
     context, _ = trained
-    kept, model, keys = compact_map(context), context.bow.identity, rows_of(context)[1]
+    kept, keys = compact_map(context), rows_of(context)[1]
     [trees] = (folder / TREES.name).rglob("*.safetensors")
     lost = [context.store.path(PSEUDO, key) for key in keys[:3]]
     before = {path: path.read_bytes() for path in (trees, *lost)}
     for path in lost:
         path.unlink()
-    assert lacking(context, kept, model) == 0  # nobody needs them
+    assert lacking(context, kept) == 0  # nobody needs them
     trees.unlink()
-    assert lacking(context, kept, model) == 3
+    assert lacking(context, kept) == 3
     for path in lost:
         path.write_bytes(before[path])
-    assert lacking(context, kept, model) == 0  # fitted in no time
+    assert lacking(context, kept) == 0  # fitted in no time
     trees.write_bytes(before[trees])
 
 
@@ -165,7 +166,7 @@ def test_patches_come_from_far_away(world, folder, trained, monkeypatch):
 
 def test_a_cell_is_changed_where_most_of_it_is_foreign():
     mask = np.random.default_rng(0).random((33, 47)).astype(np.float32)
-    found = training._cell_shares(mask)
+    found = cell_means(mask)
     assert found.shape == (4, 5)
     for row in range(4):
         for col in range(5):
@@ -180,7 +181,7 @@ def test_addresses_follow_what_decides(world, folder, trained):
         config = replace(context.config, **changes)
         other = replace(context, config=config, looks=Gradients(config.compact))
         kept = compact_map(other)
-        names = pseudo_keys(other, kept, other.bow.identity)
+        names = pseudo_keys(other, kept)
         return names, training._key(other, names)
 
     plain, config = keys(), context.config

@@ -42,12 +42,13 @@ class Yolo:
 
     module: ClassVar[str] = "fdslam.obb.yolo"
 
-    def __init__(self, config: Settings, device: str = "cpu") -> None:
+    def __init__(self, config: Settings, device: str = "cpu", key: str = "obb.yolo.weights") -> None:
         """Read the model and tell how its output is read.
 
         Args:
             config: the switches.
             device: cpu or cuda.
+            key: that names the file in the configuration, for messages.
 
         Raises:
             InputError: a model that is missing, damaged or not understood, or a class that it does not have.
@@ -59,7 +60,7 @@ class Yolo:
                 "it is the shipped detector and not part of this installation; give obb.yolo.weights=FILE "
                 "(python -m fdslam.fetch yolox-nano fetches one), or run without YOLO, as obb=j_b does"
             )
-        self.model = load_model(config.weights or shipped(SHIPPED), "obb.yolo.weights", way_out, config.threads, device)
+        self.model = load_model(config.weights or shipped(SHIPPED), key, way_out, config.threads, device)
         self.height = self._side(self.model.height)
         self.width = self._side(self.model.width)
         self.head = self._recognised()
