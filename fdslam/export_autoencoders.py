@@ -11,14 +11,10 @@ import re
 import sys
 from pathlib import Path
 
-from hydra import compose, initialize_config_dir
-from hydra.errors import HydraException
-from omegaconf.errors import OmegaConfBaseException
-
-from fdslam.config import Config, register
+from fdslam.compose import configured
+from fdslam.config import Config
 from fdslam.errors import InputError
-from fdslam.modes import CONF
-from fdslam.run import USAGE_ERROR, check_surroundings, one_line, quote_paths, to_config
+from fdslam.run import USAGE_ERROR, check_surroundings
 
 
 def export_autoencoders(config: Config, folder: Path) -> list[Path]:
@@ -78,15 +74,10 @@ def main(arguments: list[str] | None = None) -> int:
     if not given or given[0].startswith("-") or "=" in given[0]:
         print(__doc__)
         return 0 if given and given[0] in ("-h", "--help") else USAGE_ERROR
-    register()
     try:
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            config = to_config(compose("config", overrides=quote_paths(given[1:])))
+        config = configured(given[1:])
         check_surroundings(config)
         written = export_autoencoders(config, Path(given[0]))
-    except (HydraException, OmegaConfBaseException) as error:
-        print(f"fdslam: {one_line(error)}", file=sys.stderr)
-        return USAGE_ERROR
     except InputError as error:
         print(f"fdslam: {error}", file=sys.stderr)
         return USAGE_ERROR

@@ -6,14 +6,12 @@ the table. Whatever the user can mend ends in one line on standard error and exi
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 import shutil
 import sys
 import warnings
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,10 +19,11 @@ import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
+from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
 
-from fdslam.config import DATASETS, Checked, Config, register
+from fdslam.compose import one_line, quote_paths, to_config
+from fdslam.config import Config, register
 from fdslam.errors import InputError
 from fdslam.finished import signature
 from fdslam.modes import CONF, overruled
@@ -35,42 +34,7 @@ if TYPE_CHECKING:
     from fdslam.models import Models
 
 USAGE_ERROR, INTERRUPTED = 2, 130
-FOLDERS = (
-    "dataset.root",
-    "dataset.annotations",
-    "obb.yolo.weights",
-    "obb.bing.filters",
-    "compact.weights",
-    "mask.weights",
-    "store",
-    "hydra.run.dir",
-    "hydra.sweep.dir",
-)  # keys whose values are folders or files
 FREE_BYTES = 200_000_000  # what a small run writes; a full disk is told at the start rather than in an hour
-
-
-def to_config(composed: DictConfig) -> Config:
-    """Return the composed configuration as checked dataclasses.
-
-    Raises:
-        InputError: an unknown key (``+key=value`` would add it silently), a missing value or one out of range.
-    """
-    try:
-        config = OmegaConf.to_object(composed)
-    except MissingMandatoryValue as error:
-        key = str(error.full_key or "").strip() or str(error)
-        raise InputError(f"{key} is missing: give {key}=… on the command line") from None
-    assert isinstance(config, Config)
-    for group in _groups(config):
-        for key in vars(group).keys() - {f.name for f in fields(group)}:  # type: ignore[arg-type]
-            name = type(group).__name__.lower() if group.group is None else group.group
-            raise InputError(unknown_key(f"{name}.{key}".lstrip(".")))
-    return config
-
-
-def _groups(config: Checked) -> list[Checked]:
-    inner = [value for value in vars(config).values() if isinstance(value, Checked)]
-    return [config, *(group for one in inner for group in _groups(one))]
 
 
 def check_surroundings(config: Config) -> Models:
@@ -154,69 +118,6 @@ def _run(composed: DictConfig) -> None:
     outcome = run(config, watch, models)
     print(write_report(outcome, config, folder, watch, made_of))
     print(f"\n{sum(watch.seconds.values()):.1f} s, written to {os.path.relpath(folder)}")
-
-
-def unknown_key(key: str) -> str:
-    """Return the line for a key that does not exist, with the nearest that do."""
-    keys = known_keys()
-    near = difflib.get_close_matches(key, keys, n=3) or [k for k in keys if k.split(".")[0] == key.split(".")[0]][:8]
-    hint = f"; near: {', '.join(near)}" if near else ""
-    return f"unknown key {key!r}{hint}; all keys: python -m fdslam.run --help"
-
-
-def known_keys() -> list[str]:
-    """Return every key of the schema, groups joined by dots."""
-
-    def walk(schema: type, prefix: str) -> list[str]:
-        found = []
-        for field in fields(schema):
-            inner = field.default_factory
-            if isinstance(inner, type) and is_dataclass(inner):
-                found += walk(inner, f"{prefix}{field.name}.")
-            else:
-                found.append(f"{prefix}{field.name}")
-        return found
-
-    data = [key for kind in DATASETS for key in walk(kind, "dataset.")]
-    return list(dict.fromkeys([*walk(Config, ""), *data]))
-
-
-def one_line(error: Exception) -> str:
-    """Return in one line what Hydra and OmegaConf spread over several."""
-    cause = error.__cause__
-    text = " ".join(str(error).split())
-    reason = str(cause).splitlines()[0] if cause is not None and str(cause) else ""
-    unknown = re.search(r"Could not override '([^']*)'", text)
-    if unknown and re.search(r"not in struct|Key '.*' not in", f"{text} {reason}"):
-        return unknown_key(unknown[1].lstrip("+"))
-    if option := re.search(
-        r"Could not find '([^/']+)/([^']+)' Available options in '[^']+': (.*?) Config search", text
-    ):
-        choices = ", ".join(name for name in option[3].split() if not name.startswith("base_"))
-        return f"{option[1]}={option[2]}: no such option, choose one of {choices}"
-    if merging := re.search(r"Error merging override (.*)", text):
-        return f"{merging[1]}: {reason or 'not possible'}"
-    text = re.sub(r"\s*See https://\S+.*", "", text)
-    return (
-        f"{text}; write KEY=VALUE, see python -m fdslam.run --help" if "override" in text or "input" in text else text
-    )
-
-
-def quote_paths(arguments: list[str]) -> list[str]:
-    """Return the arguments with folders and files quoted, so that any path the file system has is one value to Hydra.
-
-    Left alone are paths in quotes already and, in a sweep, lists of them.
-    """
-    sweep = any(argument in ("-m", "--multirun") for argument in arguments)
-
-    def quote(argument: str) -> str:
-        key, _, path = argument.partition("=")
-        if key not in FOLDERS or not path or path[0] in "'\"" or (sweep and "," in path):
-            return argument
-        escaped = path.replace("'", "\\'")
-        return f"{key}='{escaped}'"
-
-    return [quote(argument) for argument in arguments]
 
 
 def main() -> None:

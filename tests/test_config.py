@@ -6,10 +6,10 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+from fdslam.compose import to_config
 from fdslam.config import METHODS, Bow, Campus, Config, Evaluation, Folder, Nclt, Orb, part, register
 from fdslam.errors import InputError
-from fdslam.modes import deviations
-from fdslam.run import CONF, to_config
+from fdslam.modes import CONF, deviations
 
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
 register()

@@ -18,18 +18,17 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from hydra import compose, initialize_config_dir
 from numpy.typing import NDArray
 from sklearn.cluster import KMeans
 
 from fdslam.bow.orb import extract
-from fdslam.config import Config, Mix, Orb, register
+from fdslam.compose import configured
+from fdslam.config import Config, Mix, Orb
 from fdslam.data.images import read_image
-from fdslam.modes import CONF
 from fdslam.pipeline import Outcome, run
 from fdslam.places import global_descriptor, place_classes
 from fdslam.provenance import Stopwatch
-from fdslam.run import check_surroundings, quote_paths, to_config
+from fdslam.run import check_surroundings
 from fdslam.types import Image
 
 SEEDS, CENTRES, SAMPLE = 3, 32, 20_000  # of k-means; of VLAD; keypoints that VLAD's centres are learned from
@@ -87,9 +86,7 @@ def line(name: str, describe: Describe, config: Config, outcome: Outcome) -> str
 
 def main() -> None:
     """Print the table."""
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = to_config(compose("config", overrides=quote_paths(sys.argv[1:])))
+    config = configured(sys.argv[1:])
     config = replace(config, mix=Mix(rows=["FD"]), evaluation=replace(config.evaluation, curve_Y=[], bootstrap=10))
     check_surroundings(config)
     outcome = run(config, Stopwatch())

@@ -14,14 +14,12 @@ import sys
 from dataclasses import replace
 from itertools import product
 
-from hydra import compose, initialize_config_dir
-
-from fdslam.config import Config, Mix, register
+from fdslam.compose import configured
+from fdslam.config import Config, Mix
 from fdslam.config.ad import ERRORS
-from fdslam.modes import CONF
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
-from fdslam.run import check_surroundings, quote_paths, to_config
+from fdslam.run import check_surroundings
 
 
 def line(config: Config, **switches: str) -> str:
@@ -39,9 +37,7 @@ def line(config: Config, **switches: str) -> str:
 
 def main() -> None:
     """Print the table."""
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = to_config(compose("config", overrides=quote_paths(sys.argv[1:])))
+    config = configured(sys.argv[1:])
     config = replace(config, mix=Mix(rows=["AD"]), evaluation=replace(config.evaluation, curve_Y=[]))
     check_surroundings(config)
     tops = " / ".join(map(str, config.evaluation.X))

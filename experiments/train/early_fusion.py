@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from safetensors.numpy import save
 
 from experiments.compact.prepared import prepared
-from experiments.train.scenes import configured
 from fdslam.compact.features import NAMES
 from fdslam.compact.shipped import file_name
 from fdslam.compact.training import NEITHER, fit, made_up_rows, sure_cells
 from fdslam.compact.trees import Trees
+from fdslam.compose import configured
 from fdslam.config import Config
 from fdslam.context import Context
 from fdslam.detectors.compact import all_evidence, compact_map

@@ -6,19 +6,14 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
-from hydra import compose, initialize_config_dir
-from hydra.errors import HydraException
-from omegaconf.errors import OmegaConfBaseException
 
-from fdslam.config import Config, register
+from fdslam.compose import configured
 from fdslam.data import check_dataset, load_datasets
 from fdslam.data.campus import SESSIONS, World
 from fdslam.data.images import read_image
 from fdslam.errors import InputError
-from fdslam.modes import CONF
 from fdslam.obb.bing.training import Scene
 from fdslam.progress import in_parallel, progress
-from fdslam.run import one_line, quote_paths, to_config
 from fdslam.store import Store
 from fdslam.types import Dataset, Frame
 
@@ -41,20 +36,6 @@ def campus_scenes(seeds: Sequence[int], images: int, workers: int) -> Iterator[S
 def _numbered(world: World, number: int, session: str, index: int) -> tuple[int, Scene]:
     view = world.view(session, index)
     return number, Scene(view.image, view.boxes[view.clear], view.boxes[~view.clear])
-
-
-def configured(overrides: Sequence[str]) -> Config:
-    """Return the configuration that words of the command line name, as for fdslam.run.
-
-    Raises:
-        InputError: a word that is not understood.
-    """
-    register()
-    with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
-        try:
-            return to_config(compose("config", quote_paths(list(overrides))))
-        except (HydraException, OmegaConfBaseException) as error:
-            raise InputError(one_line(error)) from None
 
 
 def load(overrides: Sequence[str], workers: int) -> tuple[Dataset, ...]:
