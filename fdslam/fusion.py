@@ -35,6 +35,15 @@ def competition_ranks(values: NDArray[np.floating]) -> NDArray[np.integer]:
     return placed
 
 
+def percentiles(maps: Sequence[NDArray[np.floating]]) -> list[NDArray[np.float32]]:
+    """Return each cell's place in the pool of all queries' cells, 0 to 1; ties averaged."""
+    pool = np.concatenate([cells.ravel() for cells in maps])
+    below, not_above = competition_ranks(pool) - 1, len(pool) + 1 - competition_ranks(-pool)
+    places = ((below + not_above) / (2 * len(pool))).astype(np.float32)
+    parts = np.split(places, np.cumsum([cells.size for cells in maps])[:-1])
+    return [part.reshape(cells.shape) for part, cells in zip(parts, maps, strict=True)]
+
+
 def fuse(maps: Sequence[Sequence[NDArray[np.floating]]], rule: str) -> list[NDArray[np.float64]]:
     """Fuse the detectors' LoC, cell by cell, by competition ranks over the cells of all queries.
 

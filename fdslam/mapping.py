@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +17,12 @@ from fdslam.bow.documents import ObbDocuments
 from fdslam.bow.index import InvertedFile
 from fdslam.bow.orb import extract
 from fdslam.bow.vocabulary import NO_WORD, Vocabulary, replay
-from fdslam.config import Bow, Orb, Retrieval, part
+from fdslam.config import Bow, Retrieval, part
 from fdslam.config import Vocabulary as Switches
 from fdslam.context import ensure, load
-from fdslam.data.images import LIBRARIES, read_image
+from fdslam.data.images import LIBRARIES
 from fdslam.errors import InputError
+from fdslam.keypoints import FeatureStore
 from fdslam.localization import keypoints_inside, localize
 from fdslam.obb import Library
 from fdslam.progress import progress
@@ -29,36 +32,10 @@ from fdslam.types import Boxes, Features, Frame, Image, Localization
 
 log = logging.getLogger(__name__)
 PLACED = 12  # bytes of a keypoint of the map: its word, int32, and its place, two float32
-FEATURES = Stage("features", ("fdslam.bow.orb",), LIBRARIES)
 VOCABULARY = Stage("vocabulary", ("fdslam.bow.vocabulary",), ("numpy",))
 WORDS = Stage("words", ("fdslam.bow.vocabulary",), ("numpy",))
 MAP = Stage("map", ("fdslam.mapping",), LIBRARIES)
 LOCALIZATION = Stage("localization", ("fdslam.mapping",), ("scipy", *LIBRARIES))
-
-
-def _extract(frame: Frame, config: Bow) -> Arrays:
-    features = extract(read_image(frame.path), config)
-    return {"xy": features.xy, "descriptors": features.descriptors}
-
-
-class FeatureStore:
-    """ORB features of frames, extracted when first asked for."""
-
-    def __init__(self, config: Bow, store: Store, workers: int) -> None:
-        self.config, self.store, self.workers = config, store, workers
-
-    def key(self, frame: Frame) -> Key:
-        """Return the address of a frame's features."""
-        return FEATURES.key(part(self.config, Orb), [frame.digest])
-
-    def ensure(self, frames: Sequence[Frame], label: str) -> None:
-        """Extract, in parallel, what is not stored yet."""
-        jobs = {self.key(frame): partial(_extract, frame, self.config) for frame in frames}
-        ensure(self.store, FEATURES, jobs, self.workers, label)
-
-    def load(self, frame: Frame) -> Features:
-        """Return the features of one frame."""
-        return Features(**load(self.store, FEATURES, self.key(frame), partial(_extract, frame, self.config)))
 
 
 @dataclass(frozen=True)
@@ -86,10 +63,24 @@ class BowMap:
             inputs = [*self.keys[-1:], self.features.key(frame)]
             self.keys.append(VOCABULARY.key(part(config, Switches), inputs))
 
+    def on(self, store: Store) -> BowMap:
+        """Return the same map, sharing the bag, with another store for what is found from now on."""
+        other = copy(self)
+        other.store = store
+        other.features = FeatureStore(self.config, store, self.workers)
+        other.proposals = Proposals(self.library, store, self.workers)
+        return other
+
+    def prepare(self) -> None:
+        """Make what is kept of the map images, and read all of it."""
+        _ = self.bag
+        for image in range(len(self.frames)):
+            self.posted(image)
+
     @cached_property
     def bag(self) -> BagOfWords:
         """The map, from its file; made and stored if it is absent or damaged."""
-        path = self.store.path(MAP, self._map_key())
+        path = self.file
         if path.is_file():
             try:
                 return BagOfWords.load(path)
@@ -99,6 +90,11 @@ class BowMap:
         return BagOfWords.load(path)
 
     @property
+    def file(self) -> Path:
+        """Where the bag of words lies, once it is made."""
+        return self.store.path(MAP, self._map_key())
+
+    @property
     def identity(self) -> str:
         """Whatever decides the map and how queries are localised in it, as one address."""
         settings = {**part(self.config, Bow), "library": self.library.identity}
@@ -106,7 +102,7 @@ class BowMap:
 
     def missing(self, queries: Sequence[Frame]) -> tuple[int, int]:
         """Count the map images that are not learned, and the queries that are not localised, by their files alone."""
-        learned = self.store.path(MAP, self._map_key()).is_file()
+        learned = self.file.is_file()
         return (
             0 if learned else self.store.lacks(VOCABULARY, self.keys),
             self.store.lacks(LOCALIZATION, self._localization_keys(queries)),
@@ -226,8 +222,12 @@ class BowMap:
 
     def kept_places(self) -> float:
         """Return the bytes per map image of what ``placed_words`` needs beside the map: which words, and where."""
-        count = sum(np.count_nonzero(self._held(image) != NO_WORD) for image in range(len(self.frames)))
-        return PLACED * count / len(self.frames)
+        return PLACED * self._held_words / len(self.frames)
+
+    @cached_property
+    def _held_words(self) -> int:
+        """How many keypoints of all map images have a word; each image's are read for it, so once."""
+        return sum(int(np.count_nonzero(self._held(image) != NO_WORD)) for image in range(len(self.frames)))
 
     def words(self, frame: Frame) -> NDArray[np.int32]:
         """Return the word of every keypoint of a query, int32 [n], NO_WORD where the ratio test fails."""

@@ -34,13 +34,13 @@ class Models:
         }
 
 
-def out_of_their_world(config: Config) -> list[str]:
-    """Return the keys of the shipped models that a run would use on images they know nothing of.
+def out_of_their_world(config: Config) -> str:
+    """Return the line that says which shipped models a run would use on images they know nothing of; else nothing.
 
     They were trained on the embedded campus alone.
     """
     if config.dataset.kind == "campus":
-        return []
+        return ""
     sources = parse_library(config.obb.library)
     wanted = {
         "obb.yolo.weights": "YOLO" in sources and not config.obb.yolo.weights,
@@ -50,7 +50,11 @@ def out_of_their_world(config: Config) -> list[str]:
         and not (config.compact.weights or config.obb.yolo.weights or "YOLO" in sources),
         "mask.weights": config.mask.source == "deeplabv3plus" and not config.mask.weights,
     }
-    return [key for key, used in wanted.items() if used]
+    keys = ", ".join(f"{key}=FILE" for key, used in wanted.items() if used)
+    return keys and (
+        f"{keys}: not given, so the shipped ones are used, which know the embedded campus alone; real ones are better "
+        "on real images (docs/models.md), and obb=j_b does without"
+    )
 
 
 def load_models(config: Config) -> Models:

@@ -2,38 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.compact.jpeg import grey_jpeg
-from fdslam.compact.source import Source
 from fdslam.config import Config
-from fdslam.context import Context
-from fdslam.controls import CONTROLS, control, objectness
 from fdslam.data import load_datasets, outline, outline_of
-from fdslam.detectors.registry import DETECTORS
 from fdslam.errors import InputError
 from fdslam.estimate import announce
-from fdslam.fusion import fuse
-from fdslam.hypotheses import hypotheses
-from fdslam.mapping import BowMap
-from fdslam.mask import apply_masks, load_masks
 from fdslam.metrics import Figure, Leader, Row, Scene, evaluate, leaders, proportion
 from fdslam.models import Models, load_models
-from fdslam.obb import parse_library
 from fdslam.progress import progress, single_threaded
 from fdslam.provenance import Stopwatch
+from fdslam.queries import Fused, Located, Maps, Seen, locate, see
 from fdslam.sessions import identities, joined
-from fdslam.store import Key, Store
+from fdslam.store import Store
 from fdslam.todo import everything, remaining
-from fdslam.types import Boxes, Dataset, Localization
+from fdslam.types import Dataset, Localization
 
 RECALL_AT = (1, 5, 10)
 FEWEST_DRAWS = 10  # of a bootstrap whose intervals nobody reads
-Maps = list[NDArray[np.floating]]  # per query, LoC of its cells
 
 
 @dataclass(frozen=True)
@@ -51,66 +42,6 @@ class Outcome:
     jpeg: float = 0.0  # bytes of a map image as a grey JPEG, to compare with; 0 where no compact map is kept
     pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
     over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
-
-
-@dataclass(frozen=True)
-class _Located:
-    """One pair of sessions, localised."""
-
-    dataset: Dataset
-    localizations: tuple[Localization, ...]
-    keys: tuple[Key, ...]  # per query, addresses of the above
-    masks: list[NDArray[np.bool_]] | None
-    bow: BowMap
-    kept: float  # bytes of the bag of words per map image
-    looks: Source | None  # of dense descriptors
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """One pair of sessions, looked at by every detector."""
-
-    located: _Located
-    hypotheses: tuple[NDArray[np.int64], ...]
-    found: dict[str, Maps]  # per detector
-    kept: dict[str, float]
-
-
-class _Fused(Mapping[str, Maps]):
-    """The maps of every row and control. Each is made when it is asked for: those of a large pool together fill GBs."""
-
-    def __init__(self, config: Config, seen: Sequence[_Seen]) -> None:
-        self._rows, self._rule, self._seed = config.mix.rows, config.mix.rule, config.seed
-        self._methods = (*config.mix.rows, *CONTROLS, "objectness")
-        self._found = {name: [cells for one in seen for cells in one.found[name]] for name in seen[0].found}
-        located = [one.located for one in seen]
-        self._masks = None if located[0].masks is None else [mask for one in located for mask in one.masks or ()]
-        self._names = identities([one.dataset for one in located])
-        self._frames = [frame for one in located for frame in one.dataset.query]
-        self._obbs = [_objects(found.library, config.obb.library) for one in located for found in one.localizations]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._methods)
-
-    def __len__(self) -> int:
-        return len(self._methods)
-
-    def __contains__(self, name: object) -> bool:  # the inherited one would make the maps
-        return name in self._methods
-
-    def __getitem__(self, name: str) -> Maps:
-        return apply_masks(self._made(name), self._masks)
-
-    def _made(self, name: str) -> Maps:
-        if name in self._rows:
-            parts = [self._found[part] for part in name.split("+")]
-            return parts[0] if len(parts) == 1 else list(fuse(parts, self._rule))
-        heights, widths = [frame.height for frame in self._frames], [frame.width for frame in self._frames]
-        if name in CONTROLS:
-            return list(control(name, self._names, heights, widths, self._seed))
-        if name == "objectness":
-            return [objectness(obbs, h, w) for obbs, h, w in zip(self._obbs, heights, widths, strict=True)]
-        raise KeyError(name)
 
 
 def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outcome:
@@ -139,45 +70,23 @@ def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outco
         if sizes is None or sizes.missing < sizes.images:
             todo = remaining(config, datasets, models.library, models.segmentation, store, models.looks)
             watch.expected = announce(config, outline(datasets), todo, store)
-    located = [_locate(config, dataset, models, store, watch) for dataset in datasets]
-    seen = [_see(config, one, store, watch) for one in located]
+    located = [locate(config, dataset, models, store, watch) for dataset in datasets]
+    seen = [see(config, one, store, watch) for one in located]
     # Pairs without annotations, where others have some, have no part in the table of all.
     annotated = [one for one in seen if one.located.dataset.boxes is not None] or seen
-    outcome = _outcome(config, annotated, watch)
-    pairs = tuple(_outcome(config, [one], watch) for one in seen) if len(seen) > 1 else ()
+    outcome = outcome_of(config, annotated, watch)
+    pairs = tuple(outcome_of(config, [one], watch) for one in seen) if len(seen) > 1 else ()
     over = _over_Y(config, outcome, [one.located for one in annotated], store, watch)
-    return replace(outcome, pairs=pairs, over_Y=over)
+    jpeg = grey_jpeg(outcome.dataset.map) if config.mix.compact else 0.0
+    return replace(outcome, pairs=pairs, over_Y=over, jpeg=jpeg)
 
 
-def _locate(config: Config, dataset: Dataset, models: Models, store: Store, watch: Stopwatch) -> _Located:
-    with watch.stage("data"):
-        masks = load_masks(dataset, config.mask, models.segmentation, store, config.workers)
-    with watch.stage("map and localisation"):
-        bow = BowMap(dataset.map, config.bow, models.library, store, config.workers)
-        keys, localizations = bow.localize(dataset.query)
-        return _Located(dataset, tuple(localizations), tuple(keys), masks, bow, bow.kept(), models.looks)
-
-
-def _see(config: Config, located: _Located, store: Store, watch: Stopwatch) -> _Seen:
-    found_at = hypotheses(config.evaluation, located.dataset, located.localizations)
-    context = Context(
-        config, located.dataset, store, located.localizations, located.keys, found_at, located.bow, located.looks
-    )
-    found: dict[str, Maps] = {}
-    kept = {"bag of words": located.kept}
-    for name in config.mix.detectors:
-        with watch.stage(name):
-            detected = DETECTORS[name](context)
-            found[name], kept[name] = list(detected.loc), detected.kept
-    return _Seen(located, found_at, found, kept)
-
-
-def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome:
+def outcome_of(config: Config, seen: Sequence[Seen], watch: Stopwatch) -> Outcome:
     """Fuse, mask and measure: all cells of all queries of these pairs are one pool."""
     datasets = [one.located.dataset for one in seen]
     dataset = joined(datasets)
     localizations = tuple(found for one in seen for found in one.located.localizations)
-    maps = _Fused(config, seen)
+    maps = Fused(config, seen)
     names = identities(datasets)
     with watch.stage("fusion and evaluation"):
         rows = _evaluate(maps, [*maps], dataset, names, config)
@@ -188,12 +97,11 @@ def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome
     kept = {name: float(np.average([one.kept[name] for one in seen], weights=images)) for name in seen[0].kept}
     starts = np.cumsum(images) - images
     shifted = tuple(h + start for one, start in zip(seen, starts, strict=True) for h in one.hypotheses)
-    jpeg = grey_jpeg(dataset.map) if config.mix.compact else 0.0
-    return Outcome(dataset, localizations, shifted, recall, maps, tuple(rows), lead, kept, jpeg)
+    return Outcome(dataset, localizations, shifted, recall, maps, tuple(rows), lead, kept)
 
 
 def _over_Y(
-    config: Config, outcome: Outcome, located: Sequence[_Located], store: Store, watch: Stopwatch
+    config: Config, outcome: Outcome, located: Sequence[Located], store: Store, watch: Stopwatch
 ) -> dict[int, tuple[Row, ...]]:
     """Return the methods' rows at each Y of ``evaluation.curve_Y``; their intervals are not used, so draws are few."""
     rows: dict[int, tuple[Row, ...]] = {}
@@ -203,7 +111,7 @@ def _over_Y(
             rows[y] = tuple(row for row in outcome.rows if row.method in config.mix.rows)
             continue
         other = replace(config, evaluation=replace(config.evaluation, Y=y, bootstrap=FEWEST_DRAWS))
-        maps = _Fused(other, [_see(other, one, store, watch) for one in located])
+        maps = Fused(other, [see(other, one, store, watch) for one in located])
         with watch.stage("fusion and evaluation"):
             rows[y] = tuple(_evaluate(maps, config.mix.rows, outcome.dataset, names, other))
         del maps  # before the next are made
@@ -223,16 +131,6 @@ def check_truth(config: Config, dataset: Dataset) -> None:
         )
 
 
-def _objects(boxes: Boxes, library: str) -> NDArray[np.float32]:
-    """Return the boxes that objectness counts: YOLO's or, where the library does without, all OBBs.
-
-    An image where YOLO finds nothing has none; with fixed templates alone objectness is a fixed map.
-    """
-    if "YOLO" not in parse_library(library):
-        return boxes.xyxy
-    return boxes.xyxy[np.array([source == "YOLO" for source in boxes.source], bool)]
-
-
 def _evaluate(
     maps: Mapping[str, Maps], methods: Sequence[str], dataset: Dataset, names: list[str], config: Config
 ) -> list[Row]:
@@ -243,7 +141,7 @@ def _evaluate(
     return list(progress(measured, len(methods), "evaluation"))
 
 
-def _recall(n: int, located: Sequence[_Located], names: list[str], config: Config) -> Figure | None:
+def _recall(n: int, located: Sequence[Located], names: list[str], config: Config) -> Figure | None:
     if any(one.dataset.relevant is None for one in located):
         return None
     hits = np.array(

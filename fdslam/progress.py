@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from functools import lru_cache
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import lru_cache, partial
 from typing import TypeVar
 
 import cv2
@@ -46,14 +49,58 @@ def single_threaded() -> None:
         sys.modules["torch"].set_num_threads(1)
 
 
+_guests = 0  # of ``single_threaded_inside``
+_guest_lock = threading.Lock()
+_before: list[Callable[[], object]] = []  # sets again what was set before the first guest
+
+
+@contextmanager
+def single_threaded_inside() -> Iterator[None]:
+    """As ``single_threaded``, as long as anyone is inside: a program that uses fdslam has its own settings back."""
+    global _guests
+    with _guest_lock:
+        if not _guests:
+            _before[:] = [partial(cv2.setNumThreads, cv2.getNumThreads())]
+            if "torch" in sys.modules:
+                torch = sys.modules["torch"]
+                _before.append(partial(torch.set_num_threads, torch.get_num_threads()))
+            _before.append(_libraries(len(sys.modules)).limit(limits=1).restore_original_limits)
+        _guests += 1
+    single_threaded()  # OpenMP counts for each thread by itself
+    try:
+        yield
+    finally:
+        with _guest_lock:
+            _guests -= 1
+            if not _guests:
+                for undo in _before:
+                    undo()
+
+
 def worker_count(workers: int) -> int:
     """Return the number of workers: ``workers``, or one per available core for 0."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return workers or cores or 1
 
 
+_silent: ContextVar[bool] = ContextVar("silent", default=False)
+
+
+@contextmanager
+def silence(silent: bool = True) -> Iterator[None]:
+    """Show no progress of what this thread does inside."""
+    token = _silent.set(silent)
+    try:
+        yield
+    finally:
+        _silent.reset(token)
+
+
 def progress(items: Iterable[T], total: int, label: str) -> Iterator[T]:
     """Yield the items, showing how many are done and how fast: a bar on a terminal, else a line every ten seconds."""
+    if _silent.get():
+        yield from items
+        return
     if sys.stderr.isatty():
         yield from tqdm(items, total=total, desc=label, unit="it", dynamic_ncols=True)
         return

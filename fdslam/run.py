@@ -63,11 +63,8 @@ def check_surroundings(config: Config) -> Models:
         if int(config.device.partition(":")[2] or 0) >= count:
             raise InputError(f"device={config.device}: torch finds {count} CUDA devices here; run with device=cpu")
     models = load_models(config)
-    if keys := out_of_their_world(config):
-        say(
-            f"{', '.join(f'{key}=FILE' for key in keys)}: not given, so the shipped ones are used, which know the "
-            "embedded campus alone; real ones are better on real images (docs/models.md), and obb=j_b does without"
-        )
+    if notice := out_of_their_world(config):
+        say(notice)
     store = Path(config.store)
     try:
         store.mkdir(parents=True, exist_ok=True)

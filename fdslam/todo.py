@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from fdslam import mapping
+from fdslam import keypoints, mapping
 from fdslam.compact.source import Source
 from fdslam.compact.training import made_up
 from fdslam.config import Config
@@ -92,7 +92,7 @@ def remaining(
     """
     queries = {frame.digest: frame for one in datasets for frame in one.query}.values()
     frames = {frame.digest: frame for one in datasets for frame in (*one.map, *one.query)}.values()
-    features = mapping.FeatureStore(config.bow, store, config.workers)
+    features = keypoints.FeatureStore(config.bow, store, config.workers)
     learn, train, sifts, support = dict[str, int](), dict[str, int](), set[Key](), set[Key]()
     looks, pretend = set[Key](), 0
     counts = Counter[str](boxes=Proposals(library, store, config.workers).missing([*queries]))
@@ -125,7 +125,7 @@ def remaining(
     return Todo(
         masks=counts["masks"],
         boxes=counts["boxes"],
-        features=store.lacks(mapping.FEATURES, map(features.key, frames)),
+        features=store.lacks(keypoints.FEATURES, map(features.key, frames)),
         learn=sum(learn.values()),
         localise=counts["localise"],
         sift=store.lacks(comparison.FEATURES, sifts) if "PC" in uses else 0,

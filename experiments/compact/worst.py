@@ -17,9 +17,9 @@ from experiments.compact.measures import box_mean_matrix
 from experiments.compact.prepared import Maps, Prepared, configuration, options, prepared, scene
 from fdslam.data.images import read_image
 from fdslam.detectors import compact, early
+from fdslam.fusion import percentiles
 from fdslam.metrics import Scene
 from fdslam.progress import single_threaded
-from fdslam.report.pictures import percentiles
 from fdslam.store import write_atomically
 from fdslam.types import Image
 

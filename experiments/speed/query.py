@@ -41,7 +41,8 @@ from fdslam.detectors.registry import DETECTORS
 from fdslam.fusion import fuse
 from fdslam.harris_laplace import harris_laplace, sift
 from fdslam.hypotheses import hypotheses
-from fdslam.mapping import FEATURES, BowMap
+from fdslam.keypoints import FEATURES
+from fdslam.mapping import BowMap
 from fdslam.mask import apply_masks, load_masks, segmentation
 from fdslam.obb import Library
 from fdslam.progress import single_threaded
@@ -156,7 +157,7 @@ class Robot:
         maps = []
         for name in config.mix.detectors:
             with watch.stage(name):
-                maps.append(list(DETECTORS[name](context).loc))
+                maps.append(list(DETECTORS[name].detect(context).loc))
         with watch.stage("mask"):
             masks = load_masks(dataset, config.mask, self.segmentation, self.store, 1)
         with watch.stage("fusion"):

@@ -103,20 +103,20 @@ def main() -> None:
         print(f"| {name} | {accuracy} | {area} |", flush=True)
 
     print("| variant | X = 5 / 10 / 15 / 20 % | lc-AUROC |\n|---|---|---|")
-    show("FD, J+B", list(DETECTORS["FD"](context).loc))
+    show("FD, J+B", list(DETECTORS["FD"].detect(context).loc))
     if options.yolo:
         detector = Library(Obb("YOLO", Yolo(weights=str(options.yolo))))
         found_by = Proposals(detector, store, 0)
         show("FD, J+B and YOLO's boxes", with_boxes(context, bow, lambda frame: found_by.of(frame).xyxy))
     show("FD, J+B and 50 random boxes", with_boxes(context, bow, random_boxes))
-    show("PC, Harris-Laplace upscaled to 720", list(DETECTORS["PC"](context).loc))
+    show("PC, Harris-Laplace upscaled to 720", list(DETECTORS["PC"].detect(context).loc))
     coarse = replace(context, config=replace(config, pc=Pc(min_side=0)))
-    show("PC, Harris-Laplace at the image's size", list(DETECTORS["PC"](coarse).loc))
+    show("PC, Harris-Laplace at the image's size", list(DETECTORS["PC"].detect(coarse).loc))
     show("PC, OpenCV's SIFT keypoints", opencv_sift(context))
     smooth = replace(context, config=replace(config, pc=Pc(spread="gaussian")))
-    show("PC, Harris-Laplace upscaled, blurred", list(DETECTORS["PC"](smooth).loc))
+    show("PC, Harris-Laplace upscaled, blurred", list(DETECTORS["PC"].detect(smooth).loc))
     for k in (4, 10):
-        show(f"AD, k = {k}", list(DETECTORS["AD"](replace(context, config=replace(config, ad=Ad(k=k)))).loc))
+        show(f"AD, k = {k}", list(DETECTORS["AD"].detect(replace(context, config=replace(config, ad=Ad(k=k)))).loc))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from fdslam.autoencoder.network import prepare
+from fdslam.autoencoder.network import prepare as tensor
 from fdslam.autoencoder.scoring import error_to_cells, reconstruction_error, region_to_cells, z_score
 from fdslam.context import Context, Detected
 from fdslam.data.images import LIBRARIES, read_image
@@ -51,6 +51,11 @@ def missing(context: Context) -> int:
     return context.store.lacks(STAGE, _addresses(context, trained_places(context)))
 
 
+def prepare(context: Context) -> None:
+    """Train the AEs that are not trained yet, and read all of them."""
+    _ = trained_places(context).models
+
+
 def detect(context: Context) -> Detected:
     """Return the LoC of every query (§AD): z of the AE of its place, the largest in each cell.
 
@@ -64,7 +69,7 @@ def detect(context: Context) -> Detected:
         frame, places = data.query[query], _places_of(context, found.label, query)
         if not places:
             return {"cz": np.zeros(grid_shape(frame.height, frame.width), np.float32)}
-        image = prepare([read_image(frame.path)], found.size)
+        image = tensor([read_image(frame.path)], found.size)
         each = [_z(context, found, place, query, image) for place in places]
         return {"cz": np.min(each, axis=0) if config.ad.region == "obb" else _pixels(context, each, query)}
 

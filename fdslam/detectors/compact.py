@@ -85,6 +85,15 @@ def _detected(context: Context, name: str) -> Detected:
     return Detected([one[name] for one in all_evidence(context, kept)], kept.kept())
 
 
+def prepare(context: Context) -> None:
+    """Make and read the compact map."""
+    kept = compact_map(context)
+    kept.ensure(kept.frames, "looks of the map")
+    kept.kept()
+    for frame in kept.frames:
+        kept.looks(frame)
+
+
 def detect(context: Context) -> Detected:
     """Return the LoC of every query by its dense descriptors (CC)."""
     kept, config = compact_map(context), context.config.compact

@@ -87,6 +87,15 @@ def missing(context: Context) -> tuple[int, set[Key]]:
     return store.lacks(STAGE, keys), {key for key in sifts if store.lacks(FEATURES, [key])}
 
 
+def prepare(context: Context) -> None:
+    """Make and read the descriptors of all map images."""
+    frames, config, kept = context.dataset.map, context.config, MapDescriptors(context)
+    jobs = {features_key(frame, config.pc): partial(extract, frame, config.pc) for frame in frames}
+    ensure(context.store, FEATURES, jobs, config.workers, "PC features")
+    for image in range(len(frames)):
+        kept.of(image)
+
+
 def detect(context: Context) -> Detected:
     """Return the LoC of every query (§PC): the distance of its SIFTs to the nearest of the top-Y map images.
 

@@ -17,6 +17,7 @@ from fdslam.compact.shipped import shipped_trees
 from fdslam.compact.training import fd_of, lacking, made_up, trained
 from fdslam.compact.trees import Trees
 from fdslam.context import Context, Detected
+from fdslam.detectors import compact
 from fdslam.detectors.compact import all_evidence, compact_map, over_queries
 from fdslam.store import Arrays
 from fdslam.types import grid_shape
@@ -42,6 +43,12 @@ def rows_of(context: Context, seen: Sequence[Arrays]) -> Iterator[NDArray[np.flo
     places = zip(context.dataset.query, seen, context.localizations, context.hypotheses, strict=True)
     for frame, one, found, best in places:
         yield features(one, fd_of(found, best, (frame.height, frame.width), images, config))
+
+
+def prepare(context: Context) -> None:
+    """Make and read the compact map, and the learner."""
+    compact.prepare(context)
+    trees_of(context, compact_map(context))
 
 
 def detect(context: Context) -> Detected:

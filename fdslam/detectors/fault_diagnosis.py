@@ -145,6 +145,13 @@ def missing(context: Context) -> tuple[int, set[Key]]:
     return lacking, missing_support(context) if lacking and context.config.fd.support else set()
 
 
+def prepare(context: Context) -> None:
+    """Make and read what FD keeps of the map beside its words: nothing, or with ``fd.support`` where they are."""
+    if context.config.fd.support:
+        assert context.bow is not None  # the pipeline gives it
+        context.bow.kept_places()
+
+
 def detect(context: Context) -> Detected:
     """Return the LoC of every query (§FD) from its weak ranks of the hypotheses.
 

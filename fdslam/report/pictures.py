@@ -17,24 +17,16 @@ from numpy.typing import NDArray
 
 from fdslam.config import Config
 from fdslam.data.images import read_image
-from fdslam.fusion import competition_ranks
+from fdslam.fusion import percentiles
 from fdslam.metrics import positive_cells
-from fdslam.pipeline import Maps, Outcome
+from fdslam.pipeline import Outcome
 from fdslam.progress import progress
+from fdslam.queries import Maps
 from fdslam.store import write_atomically
 from fdslam.types import CELL
 
 PANEL, GAP, TITLE, BAR = 2.6, 0.08, 0.24, 0.5  # inches: longer side of a panel, between panels, above, colour bar
 TRUTH, BOX = "#00e5ff", "#ffb000"  # safe for the colour-blind, visible on photographs
-
-
-def percentiles(maps: Maps) -> list[NDArray[np.float32]]:
-    """Return each cell's place in the pool of all queries' cells, 0 to 1; ties averaged."""
-    pool = np.concatenate([cells.ravel() for cells in maps])
-    below, not_above = competition_ranks(pool) - 1, len(pool) + 1 - competition_ranks(-pool)
-    places = ((below + not_above) / (2 * len(pool))).astype(np.float32)
-    parts = np.split(places, np.cumsum([cells.size for cells in maps])[:-1])
-    return [part.reshape(cells.shape) for part, cells in zip(parts, maps, strict=True)]
 
 
 def rank_queries(outcome: Outcome, percentile: Maps) -> list[int]:

@@ -12,6 +12,7 @@ from scipy.stats import rankdata
 
 from experiments.table1.compare import comparison
 from fdslam.config import METHODS, Mask, Obb, Report, Yolo
+from fdslam.fusion import percentiles
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
 from fdslam.report import pictures, write_report
@@ -19,7 +20,7 @@ from fdslam.report.curves import draw_curves
 from fdslam.report.data import table_csv, table_json
 from fdslam.report.latex import table_latex
 from fdslam.report.paper import beside_paper, differences
-from fdslam.report.pictures import percentiles, rank_queries
+from fdslam.report.pictures import rank_queries
 from fdslam.report.tables import table_markdown, table_text
 from tests.data.worlds import small_world
 from tests.test_pipeline import config_for, folder
