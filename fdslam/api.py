@@ -32,7 +32,7 @@ from fdslam.pipeline import Outcome, outcome_of
 from fdslam.progress import silence, single_threaded_inside
 from fdslam.provenance import Stopwatch
 from fdslam.queries import Located, context_of, locate, see
-from fdslam.saved import ARTEFACTS, Manifest, new_folder, read_manifest
+from fdslam.saved import ARTEFACTS, ROW, Manifest, new_folder, read_manifest
 from fdslam.store import Store
 from fdslam.types import Dataset, Frame
 
@@ -51,6 +51,8 @@ class _Map:
 
 class ChangeDetector:
     """Where an image was taken, and what has changed there since the map was made.
+
+    ``row`` is what is detected with, e.g. ``"FD+CC+EF"``, and ``config`` the whole configuration.
 
     Any number of threads may call ``detect`` while another updates: each sees the map before or after. Results depend
     on images and settings alone, and are those of ``python -m fdslam.run`` on the same images, to the last bit.
@@ -78,23 +80,20 @@ class ChangeDetector:
         Raises:
             InputError: an unknown mode, detector or key, or a model that is missing or damaged.
         """
-        self._words = {"mode": mode, "mix.rows": f"['{detectors or ROWS.get(mode, 'FD')}']"}
-        self._words |= dict(_split(word) for word in settings)
+        self.row = detectors or ROWS.get(mode, "FD")
+        self._words = {"mode": mode} | dict(_split(word) for word in settings)
         self._temporary = tempfile.TemporaryDirectory(prefix="fdslam-") if store is None else None
         self._store: Store = Store(self._temporary.name if self._temporary else os.path.expanduser(store or ""))
         self._verbose = verbose
         words = [f"{key}={value}" for key, value in self._words.items()]
-        self.config: Config = configured(["dataset=folder", "dataset.root=.", *words])  # the data set is never read
+        rows = ",".join(f"'{row}'" for row in dict.fromkeys((*self.row.split("+"), self.row)))
+        # The data set is never read.
+        self.config: Config = configured(["dataset=folder", "dataset.root=.", f"mix.rows=[{rows}]", *words])
         self._models = load_models(self.config)
         if notice := out_of_their_world(self.config):
             log.warning(notice)
         self._lock = threading.Lock()  # of fit and update
         self._map: _Map | None = None
-
-    @property
-    def row(self) -> str:
-        """What is detected with, e.g. ``"FD+CC+EF"``."""
-        return self.config.mix.rows[-1]
 
     def __len__(self) -> int:
         """Return the number of map images."""
@@ -184,7 +183,7 @@ class ChangeDetector:
             copy = Store(made / ARTEFACTS)
             self._prepare(fitted, Copying(self._store, copy))
             fitted.bow.on(self._store).bag.save(fitted.bow.on(copy).file)
-            Manifest.of(self._words, fitted.dataset).write(made)
+            Manifest.of({**self._words, ROW: self.row}, fitted.dataset).write(made)
 
     @classmethod
     def load(

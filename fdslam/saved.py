@@ -20,6 +20,7 @@ from fdslam.store import write_atomically
 from fdslam.types import Dataset, Frame
 
 MANIFEST, ARTEFACTS = "map.json", "artefacts"
+ROW = "detectors"  # beside the keys of the configuration: the row that changes are detected with
 FORMAT = 1
 
 
@@ -80,8 +81,8 @@ def read_manifest(folder: Path) -> Manifest:
             Frame(str(name), Path(where), str(digest), int(height), int(width))
             for name, where, digest, height, width in told["images"]
         )
-        if not frames or not {"mode", "mix.rows"} <= words.keys():
-            raise ValueError("no images, or no mode")
+        if not frames or not {"mode", ROW} <= words.keys():
+            raise ValueError("no images, no mode or no detectors")
         return Manifest(words, frames, told["poses"])
     except FileNotFoundError:
         raise InputError(
