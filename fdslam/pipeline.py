@@ -51,6 +51,7 @@ class Outcome:
     jpeg: float = 0.0  # bytes of a map image as a grey JPEG, to compare with; 0 where no compact map is kept
     pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
     over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
+    masks: tuple[NDArray[np.bool_], ...] | None = None  # per query which cells are masked; None: no mask
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ class _Fused(Mapping[str, Maps]):
         self._methods = (*config.mix.rows, *CONTROLS, "objectness")
         self._found = {name: [cells for one in seen for cells in one.found[name]] for name in seen[0].found}
         located = [one.located for one in seen]
-        self._masks = None if located[0].masks is None else [mask for one in located for mask in one.masks or ()]
+        self.masks = None if located[0].masks is None else tuple(mask for one in located for mask in one.masks or ())
         self._names = identities([one.dataset for one in located])
         self._frames = [frame for one in located for frame in one.dataset.query]
         self._obbs = [_objects(found.library, config.obb.library) for one in located for found in one.localizations]
@@ -99,7 +100,7 @@ class _Fused(Mapping[str, Maps]):
         return name in self._methods
 
     def __getitem__(self, name: str) -> Maps:
-        return apply_masks(self._made(name), self._masks)
+        return apply_masks(self._made(name), self.masks)
 
     def _made(self, name: str) -> Maps:
         if name in self._rows:
@@ -189,7 +190,7 @@ def _outcome(config: Config, seen: Sequence[_Seen], watch: Stopwatch) -> Outcome
     starts = np.cumsum(images) - images
     shifted = tuple(h + start for one, start in zip(seen, starts, strict=True) for h in one.hypotheses)
     jpeg = grey_jpeg(dataset.map) if config.mix.compact else 0.0
-    return Outcome(dataset, localizations, shifted, recall, maps, tuple(rows), lead, kept, jpeg)
+    return Outcome(dataset, localizations, shifted, recall, maps, tuple(rows), lead, kept, jpeg, masks=maps.masks)
 
 
 def _over_Y(

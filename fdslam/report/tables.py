@@ -33,8 +33,8 @@ def _accuracy(row: Row, config: Config) -> dict[int, Figure | None]:
     return row.pooled if config.evaluation.pool == "all" else row.per_query
 
 
-def _grid(outcome: Outcome, config: Config, compact: bool) -> Grid:
-    """Head and one line per method and control; accuracies of the configured pool.
+def accuracy_grid(outcome: Outcome, config: Config, compact: bool) -> Grid:
+    """Return head and one line per method and control; accuracies of the configured pool.
 
     ``compact`` is for terminals: intervals only where a decision hangs on them, and no F1-max.
     """
@@ -141,7 +141,7 @@ def table_text(outcome: Outcome, config: Config) -> str:
     """Return the table for a terminal."""
     lines = summary(outcome, config)
     if outcome.rows:
-        lines += ["", *aligned(_grid(outcome, config, compact=True), (0, len(config.mix.rows)))]
+        lines += ["", *aligned(accuracy_grid(outcome, config, compact=True), (0, len(config.mix.rows)))]
     if outcome.pairs:
         narrow = [line[: 4 + len(config.mix.rows)] for line in by_pair(outcome, config)]  # without the controls
         lines += ["", *aligned(narrow, (0,))]
@@ -152,7 +152,7 @@ def table_markdown(outcome: Outcome, config: Config) -> str:
     """Return the table as Markdown."""
     lines = [*(f"{line}  " for line in summary(outcome, config)), ""]
     if outcome.rows:
-        lines += markdown(_grid(outcome, config, compact=False))
+        lines += markdown(accuracy_grid(outcome, config, compact=False))
         lines += [
             "",
             "Beside the paper's Table I (NCLT, % of 986 objects):",
