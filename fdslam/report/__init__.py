@@ -44,6 +44,7 @@ def write_report(
         write_atomically(folder / "pairs.csv", pairs_csv(outcome).encode())
     if curves := draw_curves(outcome, config):
         write_atomically(folder / "curves.png", curves)
+    (folder / "report.html").unlink(missing_ok=True)  # of an earlier run into the same folder
     if config.report.page:
         run = (made_of or {}) | provenance(asdict(config), watch, worker_count(config.workers))
         with watch.stage("pictures"):

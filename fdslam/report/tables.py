@@ -73,8 +73,9 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
     bare = sum(pair.dataset.boxes is None for pair in outcome.pairs)
     if outcome.rows and bare:
         lines.append(f"{bare} of {len(outcome.pairs)} pairs are not annotated and have no part in what follows")
-    lines.append(f"kept per map image: {_kept(outcome)}")
-    if all(figure is not None for figure in outcome.recall.values()):
+    if outcome.kept:
+        lines.append(f"kept per map image: {_kept(outcome)}")
+    if outcome.recall and all(figure is not None for figure in outcome.recall.values()):
         recall = ", ".join(f"@{n} {_figure(figure, 1)}" for n, figure in outcome.recall.items())
         lines.append(f"localisation recall %: {recall}")
     else:

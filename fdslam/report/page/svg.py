@@ -14,7 +14,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 INK = "#010203"  # stands for the colour of the text, and is used for nothing else
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
     "text.color": INK,
@@ -40,11 +40,11 @@ def panel(draw: Callable[[Axes], None], said: str, legend: bool = True) -> Marku
         legend: whether it names what it shows.
     """
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.2, 3.8), layout="constrained")
+        figure = Figure(figsize=(5.6, 4.2 if legend else 3.6), layout="constrained")
         axes = figure.subplots()
         draw(axes)
         if legend:
-            axes.legend(fontsize=8)
+            figure.legend(fontsize=8, loc="outside lower center", ncols=4)
         return inline(figure, said)
 
 

@@ -30,9 +30,8 @@ def accuracy(outcome: Outcome, config: Config) -> list[tuple[str, Grid]]:
 
 
 def recall(outcome: Outcome) -> Grid:
-    """Return head and one line with the localisation recall."""
-    head = [f"recall@{n}, %" for n in outcome.recall]
-    return [head, [_figure(figure) for figure in outcome.recall.values()]]
+    """Return head and one line per length n of the strong list: the localisation recall."""
+    return [["n", "recall@n, %"], *([str(n), _figure(figure)] for n, figure in outcome.recall.items())]
 
 
 def _figure(figure: Figure | None) -> str:

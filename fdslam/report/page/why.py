@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from fdslam.types import Dataset, Localization
 
 WITNESSES = 8  # OBBs that are told of
+_POOL: dict[str, Callable[..., NDArray]] = {"min": np.min, "mean": np.mean, "max": np.max, "median": np.median}
 
 
 def disagreement(ranks: NDArray[np.integer], pooling: str) -> NDArray[np.float64]:
@@ -24,9 +26,7 @@ def disagreement(ranks: NDArray[np.integer], pooling: str) -> NDArray[np.float64
     """
     if not ranks.shape[1]:
         return np.zeros(len(ranks))
-    return np.asarray(
-        {"min": np.min, "mean": np.mean, "max": np.max, "median": np.median}[pooling](ranks, axis=1), float
-    )
+    return np.asarray(_POOL[pooling](ranks, axis=1), np.float64)
 
 
 def witnesses(

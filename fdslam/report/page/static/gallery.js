@@ -65,6 +65,8 @@ function arrange() {
   document.getElementById("count").textContent = `${shown.length} of ${count(data.queries.length, "query", "queries")} shown`;
 }
 
+const numbered = (names) => names.map((name, i) => [String(i), name]);
+
 function choice(name, label, options, chosen, act) {
   const select = make("select", {name}, ...options.map(([value, text]) => make("option", {value}, text)));
   select.value = chosen;
@@ -96,7 +98,6 @@ function group(legend, ...parts) {
 }
 
 function controls() {
-  const numbered = (names) => names.map((name, i) => [String(i), name]);
   const sorts = Object.entries(SORTS).filter(([key]) => data.annotated || !["worst", "best"].includes(key));
   const pairs = [...new Set(data.queries.map((query) => query.pair))].filter(Boolean);
   const over = group(

@@ -70,7 +70,7 @@ function refresh(box, query) {
   box.classList.toggle("heated", state.heat);
   const mask = box.querySelector(".mask");
   if (mask) mask.hidden = !state.mask;
-  const said = [];
+  const said = box.dataset.told ? [box.dataset.told] : [];
   for (const path of box.querySelectorAll(".obb")) {
     const shown = state.sources.has(path.dataset.source);
     path.style.display = shown ? "" : "none";

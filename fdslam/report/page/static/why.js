@@ -12,27 +12,29 @@ const shownNumber = (value) => String(Math.round(value * 10) / 10);
 function grid(caption, heads, lines) {
   const head = make("tr", {}, ...heads.map((text) => make("th", {scope: "col"}, text)));
   const rows = lines.map((line) => make("tr", {}, ...line.map((cell, i) => make(i ? "td" : "th", i ? {} : {scope: "row"}, cell))));
-  const table = make("table", {}, make("caption", {}, caption), make("thead", {}, head), make("tbody", {}, ...rows));
+  const table = make("table", {}, make("caption", {}, make("span", {}, caption)), make("thead", {}, head), make("tbody", {}, ...rows));
   return make("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": caption}, table);
 }
 
-function numbered(query) {
+function picture(query) {
   const box = scene(query);
   const lines = box.querySelector(".lines");
   const [width, height] = query.size;
   const size = Math.max(width, height) / 28;
   query.why.forEach(({box: [x0, y0, x1, y1]}, i) => {
-    const [right, low] = [[0, 0], [1, 0], [1, 1], [0, 1]][i % 4]; // boxes often share a corner
+    const outside = x1 - x0 < 3 * size; // the number would hide what is in the box
+    let [right, low] = [[0, 0], [1, 0], [1, 1], [0, 1]][i % 4]; // boxes often share a corner
+    if (outside && (right ? x1 + size > width : x0 < size)) right = 1 - right;
     const part = draw("g", {class: "witness", "data-number": i + 1});
     part.append(draw("path", {d: outline([x0, y0, x1, y1])}));
-    const x = right ? x1 - size / 4 : x0 + size / 4;
-    const text = draw("text", {x, y: low ? y1 - size / 4 : y0 + size, "font-size": size, "text-anchor": right ? "end" : "start"});
+    const towards = (right ? 1 : -1) * (outside ? 1 : -1);
+    const at = {x: (right ? x1 : x0) + (towards * size) / 4, y: low ? y1 - size / 4 : y0 + size};
+    const text = draw("text", {...at, "font-size": size, "text-anchor": towards > 0 ? "start" : "end"});
     text.textContent = i + 1;
     part.append(text);
     lines.append(part);
   });
-  const told = query.why.length ? `; the ${query.why.length} OBBs that disagree most, numbered` : "";
-  lines.setAttribute("aria-label", lines.getAttribute("aria-label") + told);
+  box.dataset.told = query.why.length ? `the ${query.why.length} OBBs that disagree most, numbered` : "";
   return box;
 }
 
@@ -98,14 +100,26 @@ function step(label, query) {
 }
 
 function build(query) {
-  const box = numbered(query);
+  const box = picture(query);
   const sum = Object.entries(query.obbs).map(([source, {count: n}]) => `${source} ${n}`).join(", ");
   const silent = query.silent ? `; ${query.silent} more hold too few keypoints to say anything` : "";
+  const said = make("p");
+  const again = () => {
+    refresh(box, query);
+    said.textContent = [query.pair, inWords(query)].filter(Boolean).join(": ");
+    const form = document.getElementById("controls").elements; // there it is the same choice
+    form.method.value = state.method;
+    form.heat.checked = state.heat;
+  };
+  const method = choice("method", "method", numbered(data.methods), state.method, (i) => { state.method = Number(i); again(); });
+  const heat = tick("heat", "heat map", state.heat, (on) => { state.heat = on; again(); });
+  again();
   const parts = [
     make("p", {class: "steps"}, make("a", {href: "#gallery", class: "back"}, "Back to the queries (Esc)"), " ",
       step("← previous", neighbour(-1)), " ", step("next →", neighbour(1))),
     make("h1", {}, query.name),
-    make("p", {}, [query.pair, inWords(query)].filter(Boolean).join(": ")),
+    said,
+    make("p", {class: "steps"}, method, heat),
     make("div", {class: "large"}, box),
     make("p", {class: "note"}, `OBBs: ${sum || "none"}${silent}.`),
   ];
