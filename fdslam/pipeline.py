@@ -42,6 +42,7 @@ class Outcome:
     jpeg: float = 0.0  # bytes of a map image as a grey JPEG, to compare with; 0 where no compact map is kept
     pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
     over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
+    masks: tuple[NDArray[np.bool_], ...] | None = None  # per query which cells are masked; None: no mask
 
 
 def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outcome:
@@ -97,7 +98,7 @@ def outcome_of(config: Config, seen: Sequence[Seen], watch: Stopwatch) -> Outcom
     kept = {name: float(np.average([one.kept[name] for one in seen], weights=images)) for name in seen[0].kept}
     starts = np.cumsum(images) - images
     shifted = tuple(h + start for one, start in zip(seen, starts, strict=True) for h in one.hypotheses)
-    return Outcome(dataset, localizations, shifted, recall, maps, tuple(rows), lead, kept)
+    return Outcome(dataset, localizations, shifted, recall, maps, tuple(rows), lead, kept, masks=maps.masks)
 
 
 def _over_Y(

@@ -61,7 +61,7 @@ class Fused(Mapping[str, Maps]):
         self._methods = (*config.mix.rows, *CONTROLS, "objectness")
         self._found = {name: [cells for one in seen for cells in one.found[name]] for name in seen[0].found}
         located = [one.located for one in seen]
-        self._masks = None if located[0].masks is None else [mask for one in located for mask in one.masks or ()]
+        self.masks = None if located[0].masks is None else tuple(mask for one in located for mask in one.masks or ())
         self._names = identities([one.dataset for one in located])
         self._frames = [frame for one in located for frame in one.dataset.query]
         self._obbs = [_objects(found.library, config.obb.library) for one in located for found in one.localizations]
@@ -76,7 +76,7 @@ class Fused(Mapping[str, Maps]):
         return name in self._methods
 
     def __getitem__(self, name: str) -> Maps:
-        return apply_masks(self._made(name), self._masks)
+        return apply_masks(self._made(name), self.masks)
 
     def _made(self, name: str) -> Maps:
         if name in self._rows:

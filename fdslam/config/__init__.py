@@ -125,6 +125,13 @@ class Report(Checked):
     """What is drawn."""
 
     pictures: int = option(12, "pictures of as many best and as many worst queries", low=0, high=10_000)
+    page: bool = option(True, "write report.html, one page that opens from disk")
+    megabytes: float = option(
+        20.0,
+        "size of that page: as many queries are shown as it holds, the worst and the best first",
+        low=0.1,
+        high=2000,
+    )
 
 
 @dataclass

@@ -14,6 +14,7 @@ from fdslam.provenance import Stopwatch, provenance
 from fdslam.report.curves import draw_curves
 from fdslam.report.data import pairs_csv, table_csv, table_json
 from fdslam.report.latex import table_latex
+from fdslam.report.page import write_page
 from fdslam.report.pictures import draw_pictures
 from fdslam.report.tables import table_markdown, table_text
 from fdslam.store import write_atomically
@@ -22,7 +23,7 @@ from fdslam.store import write_atomically
 def write_report(
     outcome: Outcome, config: Config, folder: Path, watch: Stopwatch, made_of: dict[str, Any] | None = None
 ) -> str:
-    """Write the table in every form, curves, pictures and, last, ``run.json``; return the table as text.
+    """Write the table in every form, curves, pictures, the page and, last, ``run.json``; return the table as text.
 
     Args:
         outcome: of the run.
@@ -43,6 +44,11 @@ def write_report(
         write_atomically(folder / "pairs.csv", pairs_csv(outcome).encode())
     if curves := draw_curves(outcome, config):
         write_atomically(folder / "curves.png", curves)
+    (folder / "report.html").unlink(missing_ok=True)  # of an earlier run into the same folder
+    if config.report.page:
+        run = (made_of or {}) | provenance(asdict(config), watch, worker_count(config.workers))
+        with watch.stage("pictures"):
+            write_page(outcome, config, folder / "report.html", run)
     run = (made_of or {}) | provenance(asdict(config), watch, worker_count(config.workers))
     write_atomically(folder / "run.json", _json(run))
     return table_text(outcome, config)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from io import BytesIO
 
 import matplotlib as mpl
@@ -11,7 +13,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from fdslam.config import Config
-from fdslam.metrics import Row
 from fdslam.pipeline import Outcome
 
 # Okabe and Ito's colours: told apart by the colour-blind too.
@@ -26,8 +27,9 @@ def _style(i: int, methods: int) -> dict:
     return {"color": "0.45", "linewidth": 1.2, "linestyle": CONTROL_STYLES[(i - methods) % len(CONTROL_STYLES)]}
 
 
-def _over_x(axes: Axes, rows: tuple[Row, ...], methods: int) -> None:
-    for i, row in enumerate(rows):
+def _over_x(outcome: Outcome, config: Config, axes: Axes) -> None:
+    methods = len(config.mix.rows)
+    for i, row in enumerate(outcome.rows):
         if row.found_at is not None and len(row.found_at):
             at = np.sort(row.found_at)
             found = 100 * np.arange(1, len(at) + 1) / len(at)
@@ -36,9 +38,10 @@ def _over_x(axes: Axes, rows: tuple[Row, ...], methods: int) -> None:
             )
     axes.set(xlim=(0, 50), ylim=(0, 100), xlabel="X, % of the cells", ylabel="changed objects found, %")
     axes.set_title("over X, all cells pooled", fontsize=9)
+    axes.grid(alpha=0.3)
 
 
-def _over_y(axes: Axes, outcome: Outcome, config: Config) -> None:
+def _over_y(outcome: Outcome, config: Config, axes: Axes) -> None:
     percent, methods = max(config.evaluation.X), len(config.mix.rows)
     counts = sorted(outcome.over_Y)
     for i, row in enumerate(outcome.rows[:methods]):
@@ -47,22 +50,30 @@ def _over_y(axes: Axes, outcome: Outcome, config: Config) -> None:
         axes.plot(counts, values, marker="o", markersize=3.5, label=row.method, **_style(i, methods))
     axes.set(xlabel="Y, hypotheses", ylim=(0, None), xticks=counts)
     axes.set_title(f"over Y, X = {percent} %, all cells pooled", fontsize=9)
+    axes.grid(alpha=0.3)
+
+
+def panels(outcome: Outcome, config: Config) -> dict[str, Callable[[Axes], None]]:
+    """Return what there is to draw, each part on axes of its own: over X and, where asked for, over Y."""
+    if not any(row.found_at is not None and len(row.found_at) for row in outcome.rows):
+        return {}
+    found: dict[str, Callable[[Axes], None]] = {"over X": partial(_over_x, outcome, config)}
+    if outcome.over_Y:
+        found["over Y"] = partial(_over_y, outcome, config)
+    return found
 
 
 def draw_curves(outcome: Outcome, config: Config) -> bytes | None:
     """Return the figure as PNG: every X and, where ``evaluation.curve_Y`` asks for it, Y. None: nothing to draw."""
-    if not any(row.found_at is not None and len(row.found_at) for row in outcome.rows):
+    parts = panels(outcome, config)
+    if not parts:
         return None
     with mpl.rc_context({"font.family": "DejaVu Sans", "font.size": 8}):
-        panels = 2 if outcome.over_Y else 1
-        figure = Figure(figsize=(4.6 * panels + 0.4, 3.8), dpi=120, layout="constrained")
+        figure = Figure(figsize=(4.6 * len(parts) + 0.4, 3.8), dpi=120, layout="constrained")
         FigureCanvasAgg(figure)
-        axes = figure.subplots(1, panels, squeeze=False)[0]
-        _over_x(axes[0], outcome.rows, len(config.mix.rows))
-        if outcome.over_Y:
-            _over_y(axes[1], outcome, config)
-        for each in axes:
-            each.grid(alpha=0.3)
+        axes = figure.subplots(1, len(parts), squeeze=False)[0]
+        for each, draw in zip(axes, parts.values(), strict=True):
+            draw(each)
         axes[0].legend(fontsize=7)
         png = BytesIO()
         figure.savefig(png, format="png")

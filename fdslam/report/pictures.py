@@ -29,8 +29,8 @@ PANEL, GAP, TITLE, BAR = 2.6, 0.08, 0.24, 0.5  # inches: longer side of a panel,
 TRUTH, BOX = "#00e5ff", "#ffb000"  # safe for the colour-blind, visible on photographs
 
 
-def rank_queries(outcome: Outcome, percentile: Maps) -> list[int]:
-    """Return the queries from best to worst, by how much higher the changed cells stand than the rest.
+def score_queries(outcome: Outcome, percentile: Maps) -> list[float]:
+    """Return per query by how much higher the changed cells stand than the rest, larger is better.
 
     Unchanged queries are judged by how low their highest hundredth stands; without annotations the list is empty.
     """
@@ -43,6 +43,12 @@ def rank_queries(outcome: Outcome, percentile: Maps) -> list[int]:
             scores.append(float(place[changed].mean() - place[~changed].mean()))
         else:
             scores.append(0.5 - float(np.quantile(place, 0.99)))
+    return scores
+
+
+def rank_queries(outcome: Outcome, percentile: Maps) -> list[int]:
+    """Return the queries from best to worst by ``score_queries``."""
+    scores = score_queries(outcome, percentile)
     return sorted(range(len(scores)), key=lambda q: -scores[q])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ import pyarrow.parquet
 
 from fdslam.errors import InputError
 from fdslam.finished import NO_PART_OF_A_RESULT
-from fdslam.report.sweep_figures import draw
+from fdslam.report.page.sweep import write_sweep_page
+from fdslam.report.sweep_figures import draw, figures
 from fdslam.report.tables import NOTHING, aligned, markdown
 from fdslam.store import write_atomically
 
@@ -32,6 +34,11 @@ class Job:
     settings: dict[str, Any]  # the keys in which the jobs differ; a list is written as one text
     table: dict[str, Any]  # its table.json
     methods: tuple[str, ...]  # rows of its table that are no controls
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """Those rows."""
+        return [row for row in self.table["rows"] if row["method"] in self.methods]
 
 
 def read_jobs(folder: Path) -> list[Job]:
@@ -124,11 +131,10 @@ def short_table(jobs: Sequence[Job]) -> list[list[str]]:
     for job in jobs:
         start = [str(value) for value in job.settings.values()] + ([job.table["dataset"]] if several else [])
         recall = [_shown(job.table["localization"].get(figure)) for figure in recalls]
-        rows = [row for row in job.table["rows"] if row["method"] in job.methods]
-        for row in rows:
+        for row in job.rows:
             accuracy = [_shown(row["pooled"].get(x)) for x in percents]
             lines.append([*start, row["method"], *accuracy, _shown(row["lc_auroc"], 3), *recall])
-        if not rows:
+        if not job.rows:
             lines.append([*start, NOTHING, *([NOTHING] * (len(percents) + 1)), *recall])
     return lines
 
@@ -140,7 +146,7 @@ def _shown(entry: dict[str, float | None] | None, digits: int = 1) -> str:
 
 
 def write_sweep(folder: Path) -> str:
-    """Write ``sweep.parquet``, ``sweep.csv``, ``sweep.md`` and a figure per key that was swept; return the short table.
+    """Write the sweep as Parquet, CSV, Markdown, a page and a figure per key that was swept; return the short table.
 
     Args:
         folder: of the sweep, with one folder a job.
@@ -157,6 +163,9 @@ def write_sweep(folder: Path) -> str:
     write_atomically(folder / "sweep.csv", text.getvalue())
     write_atomically(folder / "sweep.md", ("\n".join(markdown(short)) + "\n").encode())
     methods = list(dict.fromkeys(method for job in jobs for method in job.methods))
-    for name, png in draw(table, list(jobs[0].settings), methods).items():
+    keys = list(jobs[0].settings)
+    for name, png in draw(table, keys, methods).items():
         write_atomically(folder / name, png)
+    told = [job.name for job in jobs for _ in range(max(1, len(job.rows)))]
+    write_sweep_page(folder, short, told, partial(figures, table, keys, methods))
     return "\n".join(aligned(short, (0,)))

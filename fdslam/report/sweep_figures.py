@@ -23,8 +23,8 @@ MOST_TICKS = 10
 CONTROLLED = "lc-AUROC"  # chance is 0.5
 
 
-def draw(table: pa.Table, keys: Sequence[str], methods: Sequence[str]) -> dict[str, bytes]:
-    """Return the figures as PNG by the names of their files.
+def figures(table: pa.Table, keys: Sequence[str], methods: Sequence[str]) -> dict[str, Figure]:
+    """Return a figure for each key and, by the name X, one over X where there are methods; not yet rendered.
 
     Args:
         table: the long table of ``fdslam.report.sweep``.
@@ -32,11 +32,17 @@ def draw(table: pa.Table, keys: Sequence[str], methods: Sequence[str]) -> dict[s
         methods: rows that are no controls.
     """
     whole = table.filter(pc.equal(table["pair"], ""))
-    shown = methods or ["localisation"]
-    figures = {f"over_{re.sub(r'[^A-Za-z0-9]+', '_', key)}.png": _over_key(whole, key, shown) for key in keys}
+    found = {key: _over_key(whole, key, methods or ["localisation"]) for key in keys}
     if methods:
-        figures["over_X.png"] = _over_x(whole, list(keys), methods)
-    return figures
+        found["X"] = _over_x(whole, list(keys), methods)
+    return found
+
+
+def draw(table: pa.Table, keys: Sequence[str], methods: Sequence[str]) -> dict[str, bytes]:
+    """Return the figures as PNG by the names of their files; arguments as ``figures``."""
+    with mpl.rc_context({"font.family": "DejaVu Sans", "font.size": 8, "text.parse_math": False}):
+        found = figures(table, keys, methods)
+        return {f"over_{re.sub(r'[^A-Za-z0-9]+', '_', key)}.png": _png(figure) for key, figure in found.items()}
 
 
 def _png(figure: Figure) -> bytes:
@@ -62,7 +68,7 @@ def _of(table: pa.Table, method: str, pool: str, figure: str) -> pa.Table:
     return table.filter(pc.and_(wanted, pc.equal(table["pool"], pool))).filter(pc.field("value").is_valid())
 
 
-def _over_key(table: pa.Table, key: str, methods: Sequence[str]) -> bytes:
+def _over_key(table: pa.Table, key: str, methods: Sequence[str]) -> Figure:
     """Return a figure with accuracy, lc-AUROC and recall over the values of a key."""
     top = _largest(table)
     recalls = [name for name in pc.unique(table["figure"]).to_pylist() if name.startswith("recall@")]
@@ -76,19 +82,18 @@ def _over_key(table: pa.Table, key: str, methods: Sequence[str]) -> bytes:
     panels = [(title, kept) for title, parts in found if (kept := [one for one in parts if len(one[0])])]
     values = [value for value in pc.unique(table[key]).to_pylist() if value is not None]
     numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
-    with mpl.rc_context({"font.family": "DejaVu Sans", "font.size": 8}):
-        figure, axes = _panels(max(1, len(panels)), 3.6 if numbers else 1.2 + 0.26 * len(values))
-        for n, (each, (title, parts)) in enumerate(zip(axes, panels, strict=False)):
-            if numbers:
-                _along_numbers(each, parts, key, sorted(values))
-            else:
-                _beside_names(each, parts, key, values, named=n == 0)
-            if title == CONTROLLED:
-                (each.axhline if numbers else each.axvline)(0.5, color="0.5", linewidth=0.8, linestyle=":")
-            each.set_title(title, fontsize=9)
-            each.grid(alpha=0.3)
-            each.legend(fontsize=7)
-        return _png(figure)
+    figure, axes = _panels(max(1, len(panels)), 3.6 if numbers else 1.2 + 0.26 * len(values))
+    for n, (each, (title, parts)) in enumerate(zip(axes, panels, strict=False)):
+        if numbers:
+            _along_numbers(each, parts, key, sorted(values))
+        else:
+            _beside_names(each, parts, key, values, named=n == 0)
+        if title == CONTROLLED:
+            (each.axhline if numbers else each.axvline)(0.5, color="0.5", linewidth=0.8, linestyle=":")
+        each.set_title(title, fontsize=9)
+        each.grid(alpha=0.3)
+        each.legend(fontsize=7)
+    return figure
 
 
 def _style(i: int) -> dict[str, Any]:
@@ -118,25 +123,24 @@ def _beside_names(axes: Axes, parts: list[tuple[pa.Table, str]], key: str, value
     axes.set_ylim(len(values) - 0.5, -0.5)
 
 
-def _over_x(table: pa.Table, keys: list[str], methods: Sequence[str]) -> bytes:
+def _over_x(table: pa.Table, keys: list[str], methods: Sequence[str]) -> Figure:
     """Return a figure with a panel per method: objects found over X, a line per job."""
     tops = [name for name in pc.unique(table["figure"]).to_pylist() if name.startswith("top-")]
     tops.sort(key=lambda name: int(name.removeprefix("top-")))
     jobs = pc.unique(table["job"]).to_pylist()
     colours = mpl.colormaps["viridis"](np.linspace(0, 0.92, len(jobs)))
-    with mpl.rc_context({"font.family": "DejaVu Sans", "font.size": 8}):
-        figure, axes = _panels(len(methods), 3.6)
-        for each, method in zip(axes, methods, strict=True):
-            for job, colour in zip(jobs, colours, strict=True):
-                mine = table.filter(pc.equal(table["job"], job))
-                points = [(int(t.removeprefix("top-")), _of(mine, method, "all", t)["value"].to_pylist()) for t in tops]
-                points = [(x, value[0]) for x, value in points if value]
-                if points:
-                    label = ", ".join(str(mine[key][0].as_py()) for key in keys)
-                    each.plot(*zip(*points, strict=True), color=colour, marker="o", markersize=3, label=label)
-            each.set(xlabel="X, % of the cells", ylabel="changed objects found, %", ylim=(0, 100))
-            each.set_title(method, fontsize=9)
-            each.grid(alpha=0.3)
-        if len(jobs) <= MOST_LINES:
-            axes[0].legend(fontsize=6, title=", ".join(keys), title_fontsize=6)
-        return _png(figure)
+    figure, axes = _panels(len(methods), 3.6)
+    for each, method in zip(axes, methods, strict=True):
+        for job, colour in zip(jobs, colours, strict=True):
+            mine = table.filter(pc.equal(table["job"], job))
+            points = [(int(t.removeprefix("top-")), _of(mine, method, "all", t)["value"].to_pylist()) for t in tops]
+            points = [(x, value[0]) for x, value in points if value]
+            if points:
+                label = ", ".join(str(mine[key][0].as_py()) for key in keys)
+                each.plot(*zip(*points, strict=True), color=colour, marker="o", markersize=3, label=label)
+        each.set(xlabel="X, % of the cells", ylabel="changed objects found, %", ylim=(0, 100))
+        each.set_title(method, fontsize=9)
+        each.grid(alpha=0.3)
+    if len(jobs) <= MOST_LINES:
+        axes[0].legend(fontsize=6, title=", ".join(keys), title_fontsize=6)
+    return figure

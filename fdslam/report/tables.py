@@ -33,8 +33,8 @@ def _accuracy(row: Row, config: Config) -> dict[int, Figure | None]:
     return row.pooled if config.evaluation.pool == "all" else row.per_query
 
 
-def _grid(outcome: Outcome, config: Config, compact: bool) -> Grid:
-    """Head and one line per method and control; accuracies of the configured pool.
+def accuracy_grid(outcome: Outcome, config: Config, compact: bool) -> Grid:
+    """Return head and one line per method and control; accuracies of the configured pool.
 
     ``compact`` is for terminals: intervals only where a decision hangs on them, and no F1-max.
     """
@@ -73,8 +73,9 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
     bare = sum(pair.dataset.boxes is None for pair in outcome.pairs)
     if outcome.rows and bare:
         lines.append(f"{bare} of {len(outcome.pairs)} pairs are not annotated and have no part in what follows")
-    lines.append(f"kept per map image: {_kept(outcome)}")
-    if all(figure is not None for figure in outcome.recall.values()):
+    if outcome.kept:
+        lines.append(f"kept per map image: {_kept(outcome)}")
+    if outcome.recall and all(figure is not None for figure in outcome.recall.values()):
         recall = ", ".join(f"@{n} {_figure(figure, 1)}" for n, figure in outcome.recall.items())
         lines.append(f"localisation recall %: {recall}")
     else:
@@ -141,7 +142,7 @@ def table_text(outcome: Outcome, config: Config) -> str:
     """Return the table for a terminal."""
     lines = summary(outcome, config)
     if outcome.rows:
-        lines += ["", *aligned(_grid(outcome, config, compact=True), (0, len(config.mix.rows)))]
+        lines += ["", *aligned(accuracy_grid(outcome, config, compact=True), (0, len(config.mix.rows)))]
     if outcome.pairs:
         narrow = [line[: 4 + len(config.mix.rows)] for line in by_pair(outcome, config)]  # without the controls
         lines += ["", *aligned(narrow, (0,))]
@@ -152,7 +153,7 @@ def table_markdown(outcome: Outcome, config: Config) -> str:
     """Return the table as Markdown."""
     lines = [*(f"{line}  " for line in summary(outcome, config)), ""]
     if outcome.rows:
-        lines += markdown(_grid(outcome, config, compact=False))
+        lines += markdown(accuracy_grid(outcome, config, compact=False))
         lines += [
             "",
             "Beside the paper's Table I (NCLT, % of 986 objects):",
