@@ -202,10 +202,8 @@ class ChangeDetector:
         root = Path(folder).expanduser()
         saved = read_manifest(root)
         words = saved.words | dict(_split(word) for word in settings)
-        mode, row = words.pop("mode"), words.pop("mix.rows")
-        made = cls(
-            mode, row.strip("[]'"), [f"{key}={value}" for key, value in words.items()], root / ARTEFACTS, verbose
-        )
+        mode, row = words.pop("mode"), words.pop(ROW)
+        made = cls(mode, row, [f"{key}={value}" for key, value in words.items()], root / ARTEFACTS, verbose)
         sealed = Sealed(root / ARTEFACTS)
         data = saved.dataset()
         bow = BowMap(data.map, made.config.bow, made._models.library, sealed, made.config.workers)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from fdslam.fusion import percentiles
 from fdslam.metrics.accuracy import EIGHT
 from fdslam.types import CELL
+
+FEWEST = 4  # cells: fewer are a speck of 10 × 20 pixels at most
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,8 @@ def candidates(
     places: NDArray[np.float32], height: int, width: int, share: float = 5.0, top: int = 10
 ) -> tuple[Candidate, ...]:
     """Return the boxes around the 8-connected groups of the cells that stand highest, best first.
+
+    Groups of under 4 cells are left out, and boxes inside that of a better one.
 
     Args:
         places: float32 [rows, columns], each cell's place in its pool, 0 … 1, as ``fusion.percentiles`` gives it. Where
@@ -43,16 +45,18 @@ def candidates(
     found = []
     for number, (rows, columns) in enumerate(ndimage.find_objects(labels), 1):
         inside = labels[rows, columns] == number
+        if np.count_nonzero(inside) < FEWEST:
+            continue
         score = float(((places[rows, columns][inside] - least) / (1 - least)).sum(dtype=np.float64))
         right, bottom = min(columns.stop * CELL, width), min(rows.stop * CELL, height)
         xyxy = np.array([columns.start * CELL, rows.start * CELL, right, bottom], np.float32)
         found.append(Candidate(xyxy, score))
-    return tuple(sorted(found, key=lambda one: (-one.score, *one.xyxy.tolist()))[:top])
+    best: list[Candidate] = []
+    for one in sorted(found, key=lambda one: (-one.score, *one.xyxy.tolist())):
+        if len(best) < top and not any(_within(one, other) for other in best):
+            best.append(one)
+    return tuple(best)
 
 
-def candidates_of(
-    maps: Sequence[NDArray[np.floating]], sizes: Sequence[tuple[int, int]], share: float = 5.0, top: int = 10
-) -> list[tuple[Candidate, ...]]:
-    """Return the candidates of every image of a pool, from the LoC of their cells and their sizes (height, width)."""
-    places = percentiles(maps)
-    return [candidates(one, *size, share=share, top=top) for one, size in zip(places, sizes, strict=True)]
+def _within(one: Candidate, other: Candidate) -> bool:
+    return bool((one.xyxy[:2] >= other.xyxy[:2]).all() and (one.xyxy[2:] <= other.xyxy[2:]).all())

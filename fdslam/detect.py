@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fdslam.errors import InputError
-from fdslam.progress import progress, say
+from fdslam.progress import progress, say, silence
 from fdslam.provenance import Stopwatch, provenance
 from fdslam.store import Store, write_atomically
 
@@ -159,7 +159,7 @@ def _found(
             stale.unlink()
         names = picture_names([frame.name for frame in frames])
         drawn = list(zip(frames, found, names, strict=True))
-        for frame, (one, boxes), name in drawn if asked.quiet else progress(drawn, len(drawn), "pictures"):
+        for frame, (one, boxes), name in progress(drawn, len(drawn), "pictures"):
             write_atomically(out / "overlays" / name, overlay(read_image(frame.path), one.places, boxes))
     write_atomically(out / "boxes.json", (json.dumps(told, indent=1, ensure_ascii=False) + "\n").encode())
     run = provenance(asdict(detector.config), watch, detector.config.workers)
@@ -174,7 +174,7 @@ def picture_names(names: Sequence[str]) -> list[str]:
     taken: dict[str, int] = {}
     found = []
     for name in names:
-        stem = Path(name.replace("@", "_")).name
+        stem = Path(name).stem if "@" not in name else Path(name).name.replace("@", "_")
         taken[stem] = taken.get(stem, 0) + 1
         found.append(f"{stem}.jpg" if taken[stem] == 1 else f"{stem}-{taken[stem]}.jpg")
     return found
@@ -197,7 +197,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = options().parse_args(arguments)
     try:
         check(asked)
-        if printed := detect(asked):
+        with silence(asked.quiet):
+            printed = detect(asked)
+        if printed:
             print(printed)
     except InputError as error:
         print(f"fdslam: {error}", file=sys.stderr)
