@@ -181,8 +181,9 @@ class ChangeDetector:
         fitted = self._fitted_map()
         with new_folder(Path(folder).expanduser()) as made, silence(not self._verbose):
             copy = Store(made / ARTEFACTS)
-            self._prepare(fitted, Copying(self._store, copy))
-            fitted.bow.on(self._store).bag.save(fitted.bow.on(copy).file)
+            copying = Copying(self._store, copy)
+            self._prepare(replace(fitted, bow=fitted.bow.on(copying)), copying)
+            fitted.bow.bag.save(fitted.bow.on(copy).file)
             Manifest.of({**self._words, ROW: self.row}, fitted.dataset).write(made)
 
     @classmethod
@@ -242,9 +243,8 @@ class ChangeDetector:
 
     def _prepare(self, fitted: _Map, store: Store) -> None:
         """Make, and read, all that the map keeps."""
-        bow = fitted.bow.on(store)
-        bow.prepare()
-        located = Located(fitted.dataset, (), (), None, bow, 0.0, self._models.looks)
+        fitted.bow.prepare()  # what it knows from now on every look at a query shares
+        located = Located(fitted.dataset, (), (), None, fitted.bow, 0.0, self._models.looks)
         context = context_of(self.config, located, store)
         for name in self.config.mix.detectors:
             DETECTORS[name].prepare(context)

@@ -88,8 +88,8 @@ _silent: ContextVar[bool] = ContextVar("silent", default=False)
 
 @contextmanager
 def silence(silent: bool = True) -> Iterator[None]:
-    """Show no progress of what this thread does inside."""
-    token = _silent.set(silent)
+    """Show no progress of what this thread does inside, if ``silent``; else leave it as it is."""
+    token = _silent.set(silent or _silent.get())
     try:
         yield
     finally:

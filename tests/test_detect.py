@@ -156,7 +156,8 @@ def test_what_the_user_can_mend_is_one_line_and_status_2(words, said, world, sto
     (tmp_path / "torn.png").write_bytes((world / "query" / "1.png").read_bytes()[:400])
     names = {
         "MAP": world / "map", "QUERY": world / "query" / "1.png", "EMPTY": tmp_path / "empty",
-        "VIDEO": tmp_path / "no.mp4", "TEXT": tmp_path / "text.png", "TORN": tmp_path / "torn.png", "TEXT/out": tmp_path / "text.png" / "out",
+        "VIDEO": tmp_path / "no.mp4", "TEXT": tmp_path / "text.png", "TORN": tmp_path / "torn.png",
+        "TEXT/out": tmp_path / "text.png" / "out",
     }  # fmt: skip
     given = [str(names.get(word, word)) for word in words]
     out = [] if "--out" in words else ["--out", str(tmp_path / "out")]
