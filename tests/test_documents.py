@@ -107,6 +107,26 @@ def test_a_page_is_true(page, workplace, monkeypatch, capsys, tmp_path):
             assert agree(said, printed), (block, said, printed)
 
 
+def masked(line):
+    """Return a line without what differs between a small campus and the default one."""
+    return re.sub(r"[\d.]+", "0", re.sub(r"( |─)+", r"\1", line))
+
+
+def test_the_demo_prints_what_the_readme_says(workplace, monkeypatch, capsys):
+    monkeypatch.chdir(workplace)
+    (command,) = re.findall(r"^demo:.*\n\t\$\(BIN\)/(python .*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"`make demo` runs `{command}`" in readme
+    printed, _ = execute(small(command, workplace / "store"), monkeypatch, capsys)
+    (said,) = re.findall(r"^```text\n(campus .*?)^```$", readme, re.MULTILINE | re.DOTALL)
+    assert [masked(line) for line in said.splitlines()] == [masked(line) for line in printed[:-2]]
+    assert printed[-1].split(" s, ")[1].startswith("written to outputs/fd_ad_pc/")
+
+
+def test_own_data_shows_what_is_printed():
+    assert sum(block.printed is not None for block in blocks(TO_THE_LETTER)) >= 12
+
+
 def test_what_is_only_read_stands_on_a_page():
     found = {command for page in PAGES for block in blocks(page) for command in commands(block.text)}
     assert found >= NOT_RUN, NOT_RUN - found

@@ -23,7 +23,7 @@ from fdslam.modes import CONF, overruled
 # Keys that make a run small, where a command does not say otherwise.
 QUICK = (
     "ad.k=2", "ad.epochs=2", "ad.folds=2", "ad.channels=4", "ad.latent=8", "ad.pixels=1024", "bow.features=300",
-    "bow.min_side=240", "evaluation.bootstrap=20", "evaluation.curve_Y=[]", "report.pictures=1",
+    "bow.min_side=240", "evaluation.bootstrap=20", "evaluation.curve_Y=[]", "report.pictures=0",
 )  # fmt: skip
 SIZES = {"images": 56, "width": 154, "height": 202, "objects": 240, "distractors": 48}  # of the campus
 
