@@ -14,6 +14,8 @@ from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.ext.napoleon import GoogleDocstring
 from sphinx.pycode import parser
@@ -42,6 +44,7 @@ nitpick_ignore_regex = [(r"py:.*", r"(?!fdslam\b).*"), (r"py:.*", r"fdslam\.(dat
 html_theme = "furo"
 html_title = "fdslam"
 html_additional_pages = {"index": "to_readme.html"}
+html_static_path, html_css_files = ["static"], ["site.css"]
 html_show_sphinx = False
 html_copy_source = False
 
@@ -56,6 +59,25 @@ def add_contents(app: Sphinx, name: str, source: list[str]) -> None:
     """Give the README the table of contents, which would be noise on a code host."""
     if name == root_doc:
         source[0] += CONTENTS
+
+
+def to_modules(app: Sphinx, doctree: nodes.document) -> None:
+    """Let a link to a module's file, which a code host shows, lead to its description here, not to a download."""
+    for link in [*doctree.findall(addnodes.download_reference)]:
+        path = Path(link["reftarget"].lstrip("/"))
+        if path.suffix == ".py" and "fdslam" in path.parts:
+            name = ".".join(path.with_suffix("").parts[path.parts.index("fdslam") :])
+            module = addnodes.pending_xref("", *link.children, refdomain="py", reftype="mod", reftarget=name)
+            link.replace_self(module)
+            module["refdoc"] = app.env.docname
+
+
+def keep_figures_together(app: Sphinx, doctree: nodes.document) -> None:
+    """Break no line between the figures of a cell, such as 7.8 / 15.8: wide tables are scrolled."""
+    for cell in doctree.findall(nodes.entry):
+        for text in [*cell.findall(nodes.Text)]:
+            if re.fullmatch(r"[\d.,–…/ ()%]+", text):
+                text.parent.replace(text, nodes.Text(text.replace(" ", "\N{NO-BREAK SPACE}")))
 
 
 def as_rst(app: Sphinx, what: str, name: str, found: object, options: object, lines: list[str]) -> None:
@@ -101,5 +123,7 @@ def setup(app: Sphinx) -> None:
     """Connect what is added."""
     sys.path.insert(0, str(Path(__file__).parent.parent))
     app.connect("source-read", add_contents)
+    app.connect("doctree-read", to_modules, priority=100)  # before downloads are collected
+    app.connect("doctree-read", keep_figures_together)
     app.connect("autodoc-process-docstring", add_options, priority=50)
     app.connect("autodoc-process-docstring", as_rst, priority=100)  # both before napoleon, whose priority is 500

@@ -14,7 +14,6 @@ import subprocess
 import sys
 
 from hydra import compose, initialize_config_dir
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from fdslam import run
@@ -83,15 +82,12 @@ def understood(command, monkeypatch):
         return composed(words)
     found = main(module)
     code = inspect.getsource(found)
-    if "parse_known_args" in code:
-        name, owner = "parse_known_args", argparse.ArgumentParser
-    elif "parse_args" in code:
-        name, owner = "parse_args", argparse.ArgumentParser
-    elif "to_config" in code:
-        name, owner = "to_config", inspect.getmodule(found)
-    else:
+    readers = ("parse_known_args", "parse_args", "configured", "to_config")  # what mains read their command line with
+    name = next((one for one in readers if f"{one}(" in code), None)
+    if name is None:
         assert not words, f"{module} reads no command line"
         return None
+    owner = argparse.ArgumentParser if name.startswith("parse") else inspect.getmodule(found)
     original = getattr(owner, name)
 
     def stop(*arguments, **named):
@@ -104,23 +100,34 @@ def understood(command, monkeypatch):
         found()
     except Parsed as parsed:
         rest = parsed.args[0][1] if name == "parse_known_args" else getattr(parsed.args[0], "overrides", [])
-        return composed(rest)
+        return composed(rest) if rest else None
     finally:
         monkeypatch.setattr(owner, name, original)
     raise AssertionError(f"{command}: nothing was parsed")
 
 
 def composed(words):
-    """Compose and check the configuration of every job that a command line of ``fdslam.run`` means."""
+    """Compose and check the configurations that a command line of ``fdslam.run`` means.
+
+    In a sweep every value of every key is in one of them, not every combination.
+    """
     run.register()
-    sweep, words = "-m" in words, [word for word in words if word != "-m"]
+    words = run.quote_paths([word for word in words if word != "-m"])
+    each = [values(word) for word in words]
+    jobs = [[one[min(i, len(one) - 1)] for one in each] for i in range(max(map(len, [[""], *each])))]
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        hydra = compose("config", overrides=run.quote_paths(words), return_hydra_config=True).hydra
-        swept = [f"{key}={value}" for key, value in (hydra.sweeper.params or {}).items()]
-        words = run.quote_paths([*(["-m"] if sweep else []), *swept, *words])
-        parsed = OverridesParser.create().parse_overrides([word for word in words if word != "-m"])
-        for batch in BasicSweeper.split_arguments(parsed, None):
-            for job in batch:
-                ours = [one for one in job if not re.match(r"hydra[./]", one)]
-                config = run.to_config(compose("config", overrides=ours))
-                assert overruled(config.mode, ours) is None, job
+        for job in jobs:
+            found = compose("config", overrides=job, return_hydra_config=True)
+            swept = found.hydra.sweeper.params or {}  # by an experiment: the first value of each key
+            job += [values(f"{key}={several}")[0] for key, several in swept.items()]
+            ours = [one for one in job if not re.match(r"hydra[./]", one)]
+            config = run.to_config(compose("config", overrides=ours))
+            assert overruled(config.mode, ours) is None, job
+
+
+def values(word):
+    """Return an override once for each value that it takes in a sweep."""
+    (override,) = OverridesParser.create().parse_overrides([word])
+    if not override.is_sweep_override():
+        return [word]
+    return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]

@@ -8,6 +8,7 @@ SWEEP = "many jobs; tests/test_sweep.py runs sweeps, here every job's configurat
 PAIRS = "it takes minutes: twelve pairs of sessions, and training for each"
 PHOTOS = "it works for minutes to hours on photographs that are not part of the project"
 LONG = "it works for minutes to hours on the campus, at its full size"
+DRAWS = "it draws at full size, for a quarter of a minute, a picture that is there"
 TRAINS = "it trains for minutes to hours"
 
 _D = "../shared/data"
@@ -59,7 +60,7 @@ ONLY_READ = {
         f"python -m fdslam.run +experiment=table1 {_EXACT}",
         f"python -m experiments.table1.differences --root {_D}/camvid_changes --yolo {_D}/models/yolox_nano.onnx",
         f"python -m experiments.ablation.ablation {_THREE} {_MODELS}",
-        f"python -m experiments.ablation.ablation --part fusion --rows FD PC FD+PC {_THREE} {_MODELS}",
+        f"python -m experiments.ablation.ablation {_THREE} {_MODELS} --part fusion --rows FD PC FD+PC",
         f"python -m experiments.ad.variants dataset=folder dataset.root={_D}/camvid_changes",
         f"python -m experiments.ad.places dataset=folder dataset.root={_D}/camvid_changes",
         f"python -m experiments.compact.table {_CAMVID} {_COMPACT}",
@@ -84,6 +85,7 @@ ONLY_READ = {
         "python -m experiments.refinement.effects",
         "python -m experiments.robustness.kill_and_resume --kills 10 +experiment=fd_ad_pc",
     ],
+    DRAWS: ["python -m fdslam.data.campus.sheet docs/campus_seasons.jpg --places 2 8 14 31 42 88"],
     TRAINS: [
         "python -m experiments.train.bing",
         "python -m experiments.train.bing --out my.safetensors --space hsv dataset=folder dataset.root=DIR",
