@@ -32,9 +32,8 @@ def execute(command, monkeypatch, capsys):
     words = shlex.split(command) if "\n" not in command else []
     if words[:2] == ["python", "-m"]:
         monkeypatch.setattr(sys, "argv", [words[2], *expanded(words[3:])])
-        status = 0
         try:
-            main(words[2])()
+            status = main(words[2])() or 0
         except SystemExit as ended:
             status = ended.code or 0
         captured = capsys.readouterr()
