@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint bench setup clean
+.PHONY: demo test lint docs bench setup clean
 
 demo: $(STAMP)
 	$(BIN)/python -m fdslam.run +experiment=fd_ad_pc
@@ -16,6 +16,9 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(STAMP)
+	$(BIN)/python -m sphinx -c docs -d outputs/docs/.doctrees -W --keep-going -n -q . outputs/docs
 
 bench: $(STAMP)
 	$(BIN)/python -m experiments.speed.stages
