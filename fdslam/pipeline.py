@@ -29,6 +29,7 @@ from fdslam.provenance import Stopwatch
 from fdslam.sessions import identities, joined
 from fdslam.store import Key, Store
 from fdslam.todo import everything, remaining
+from fdslam.training import Training, training_of
 from fdslam.types import Boxes, Dataset, Localization
 
 RECALL_AT = (1, 5, 10)
@@ -51,6 +52,7 @@ class Outcome:
     jpeg: float = 0.0  # bytes of a map image as a grey JPEG, to compare with; 0 where no compact map is kept
     pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
     over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
+    training: tuple[Training, ...] = ()  # per place of every map, how its autoencoder was trained
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,11 @@ def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outco
     outcome = _outcome(config, annotated, watch)
     pairs = tuple(_outcome(config, [one], watch) for one in seen) if len(seen) > 1 else ()
     over = _over_Y(config, outcome, [one.located for one in annotated], store, watch)
-    return replace(outcome, pairs=pairs, over_Y=over)
+    training: tuple[Training, ...] = ()
+    if "AD" in config.mix.detectors:
+        with watch.stage("AD"):
+            training = training_of(config, datasets, store)
+    return replace(outcome, pairs=pairs, over_Y=over, training=training)
 
 
 def _locate(config: Config, dataset: Dataset, models: Models, store: Store, watch: Stopwatch) -> _Located:
