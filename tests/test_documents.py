@@ -66,6 +66,10 @@ def workplace(tmp_path_factory):
     folder = tmp_path_factory.mktemp("workplace")
     small_world(folder / "world")
     write_campus(folder / "nclt", Campus(**SIZES, all_pairs=True), Store(folder / "store"))
+    for theirs, ours in (("map", "before"), ("query", "after")):
+        (folder / "photos" / ours).mkdir(parents=True)
+        for i, image in enumerate(sorted((folder / "world" / theirs).iterdir())):
+            shutil.copy(image, folder / "photos" / ours / f"{i:04d}.png")
     shutil.copy(WEIGHTS / "yolo_campus.onnx", folder / "yolox_nano.onnx")
     shutil.copy(WEIGHTS / "deeplabv3plus_campus.onnx", folder / "deeplabv3plus.onnx")
     return folder
