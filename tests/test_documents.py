@@ -55,11 +55,21 @@ def agree(said, printed):
 
 
 @pytest.fixture(scope="module")
+def done():
+    """The commands that ran in the workplace."""
+    return set()
+
+
+@pytest.fixture(scope="module")
 def workplace(tmp_path_factory):
     """A folder with what the pages speak of: a data set, NCLT, and models under their names."""
     folder = tmp_path_factory.mktemp("workplace")
     small_world(folder / "world")
     write_campus(folder / "nclt", Campus(**SIZES, all_pairs=True), Store(folder / "store"))
+    for theirs, ours in (("map", "before"), ("query", "after")):
+        (folder / "photos" / ours).mkdir(parents=True)
+        for i, image in enumerate(sorted((folder / "world" / theirs).iterdir())):
+            shutil.copy(image, folder / "photos" / ours / f"{i:04d}.png")
     shutil.copy(WEIGHTS / "yolo_campus.onnx", folder / "yolox_nano.onnx")
     shutil.copy(WEIGHTS / "deeplabv3plus_campus.onnx", folder / "deeplabv3plus.onnx")
     return folder
@@ -91,7 +101,7 @@ def read(command, monkeypatch):
 
 
 @pytest.mark.parametrize("page", WITH_BLOCKS, ids=lambda page: str(page.relative_to(ROOT)))
-def test_a_page_is_true(page, workplace, monkeypatch, capsys, tmp_path):
+def test_a_page_is_true(page, workplace, done, monkeypatch, capsys, tmp_path):
     literally = page == TO_THE_LETTER
     monkeypatch.chdir(tmp_path if literally else workplace)
     for block in blocks(page):
@@ -103,7 +113,11 @@ def test_a_page_is_true(page, workplace, monkeypatch, capsys, tmp_path):
             for pattern, before in BEFORE.items():
                 if pattern in command and not glob(pattern):
                     execute(prepared(before, page, workplace), monkeypatch, capsys)
-            lines, status = execute(command if literally else prepared(command, page, workplace), monkeypatch, capsys)
+            asked = command if literally else prepared(command, page, workplace)
+            if asked in done and block.printed is None:
+                continue  # another page has it too
+            lines, status = execute(asked, monkeypatch, capsys)
+            done |= set() if literally else {asked}
             assert status == 0 or (status == 2 and lines[-1].startswith("fdslam: ")), (command, lines)
             failed += status != 0
             printed += lines
