@@ -37,6 +37,7 @@ def opened(browser: Browser, address: str) -> tuple[float, float, float]:
     found = []
     for _ in range(TIMES):
         page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.set_default_timeout(120_000)
         session = page.context.new_cdp_session(page)
         session.send("Performance.enable", {"timeDomain": "threadTicks"})
         begin = time.perf_counter()
