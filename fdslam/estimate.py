@@ -33,6 +33,7 @@ REFERENCE = 0.0073  # seconds of ``_task`` on the core whose rates these are
 LIBRARIES = 0.5e9  # bytes of the interpreter with all that it imports
 POOL = 55  # bytes a cell while a row is fused and measured, beside the LoC of the detectors
 SIFTS, ORBS = 205e3, 75e3  # bytes of an image on disk: 1,500 SIFTs; 1,500 ORBs with their words and postings
+SHOWN = 1e5  # bytes of a query in the page
 
 
 @dataclass(frozen=True)
@@ -209,9 +210,14 @@ class _Plan:
         return Line("fusion and evaluation", f"{cells:,} cells", each * cells, 0.0, self.kept + POOL * cells)
 
     def pictures(self) -> Line:
-        count, methods = min(2 * self.config.report.pictures, self.queries), len(self.config.mix.rows)
-        seconds = 0.5 * count + (6e-7 * self.cells * methods if count else 0)
-        return Line("pictures", f"{count}", seconds, 6e5 * count, self.kept + (POOL * self.cells if count else 0))
+        report = self.config.report
+        count, methods = min(2 * report.pictures, self.queries), len(self.config.mix.rows)
+        shown = min(self.queries, round(1e6 * report.megabytes / SHOWN)) if report.page else 0
+        seconds = 0.5 * count + (6e-7 * self.cells * methods if count or shown else 0)
+        seconds += 1.5 + shown * (0.012 + 5e-8 * self.pixels) if report.page else 0
+        memory = self.kept + (POOL * self.cells if count or shown else 0)
+        what = " and ".join([f"{count}"] * bool(count or not shown) + [f"a page of {shown}"] * bool(shown))
+        return Line("pictures", what, seconds, 6e5 * count + SHOWN * shown, memory)
 
     def _enlarged(self, min_side: int) -> float:
         """Return the pixels of an image after what is small has been upscaled."""

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from fdslam.report.curves import COLOURS
 
 MARKS = "osD^vP"
+LINES = ("-", "--", ":")
 MOST_LINES = 12  # over X: more cannot be told apart
 MOST_TICKS = 10
 CONTROLLED = "lc-AUROC"  # chance is 0.5
@@ -128,16 +129,20 @@ def _over_x(table: pa.Table, keys: list[str], methods: Sequence[str]) -> Figure:
     tops = [name for name in pc.unique(table["figure"]).to_pylist() if name.startswith("top-")]
     tops.sort(key=lambda name: int(name.removeprefix("top-")))
     jobs = pc.unique(table["job"]).to_pylist()
-    colours = mpl.colormaps["viridis"](np.linspace(0, 0.92, len(jobs)))
     figure, axes = _panels(len(methods), 3.6)
     for each, method in zip(axes, methods, strict=True):
-        for job, colour in zip(jobs, colours, strict=True):
+        for i, job in enumerate(jobs):
             mine = table.filter(pc.equal(table["job"], job))
             points = [(int(t.removeprefix("top-")), _of(mine, method, "all", t)["value"].to_pylist()) for t in tops]
             points = [(x, value[0]) for x, value in points if value]
             if points:
                 label = ", ".join(str(mine[key][0].as_py()) for key in keys)
-                each.plot(*zip(*points, strict=True), color=colour, marker="o", markersize=3, label=label)
+                each.plot(
+                    *zip(*points, strict=True),
+                    linestyle=LINES[i // len(COLOURS) % len(LINES)],
+                    label=label,
+                    **_style(i),
+                )
         each.set(xlabel="X, % of the cells", ylabel="changed objects found, %", ylim=(0, 100))
         each.set_title(method, fontsize=9)
         each.grid(alpha=0.3)

@@ -62,5 +62,5 @@ def inline(figure: Figure, said: str) -> Markup:
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = re.sub(r'<g id="[^"]*"', "<g", text)  # the same in every figure, and nothing refers to them
     wide = figure.get_figwidth() * 72 / ROOT
-    shown = f'<svg style="max-width: {wide:.1f}rem" role="img" aria-label="{escape(said)}"'
+    shown = f'<svg style="--width: {wide:.1f}rem" role="img" aria-label="{escape(said)}"'
     return Markup(re.sub(r'<svg([^>]*?) width="[^"]*" height="[^"]*"', lambda tag: shown + tag[1], text, count=1))

@@ -4,7 +4,7 @@ const report = document.getElementById("main");
 const page = document.getElementById("why");
 const byId = new Map(data.queries.map((query) => [query.id, query]));
 const title = document.title;
-let open = null; // the query that is shown
+let current = null; // the query that is shown
 let entered = false; // from the gallery: then going back is one step in the history
 
 const shownNumber = (value) => String(Math.round(value * 10) / 10);
@@ -91,8 +91,8 @@ function heats(query) {
 }
 
 function neighbour(step) {
-  const there = shown.includes(open) ? shown : data.queries;
-  return there[there.indexOf(open) + step];
+  const there = shown.includes(current) ? shown : data.queries;
+  return there[there.indexOf(current) + step];
 }
 
 function step(label, query) {
@@ -134,16 +134,16 @@ function build(query) {
 
 function route() {
   const wanted = /^#query-(\d+)$/.exec(location.hash);
-  const left = open;
-  open = wanted ? byId.get(Number(wanted[1])) ?? null : null;
+  const left = current;
+  current = wanted ? byId.get(Number(wanted[1])) ?? null : null;
   report.hidden = Boolean(wanted);
   page.hidden = !wanted;
-  document.title = open ? `${open.name} – ${title}` : title;
+  document.title = current ? `${current.name} – ${title}` : title;
   if (wanted) {
     const missing = [make("p", {role: "alert"}, "This query is not in the page."), make("a", {href: "#gallery"}, "Back to the queries")];
-    page.replaceChildren(...(open ? build(open) : missing));
+    page.replaceChildren(...(current ? build(current) : missing));
     page.style.setProperty("--heat", state.opacity);
-    if (open) page.style.setProperty("--aspect", open.size[0] / open.size[1]);
+    if (current) page.style.setProperty("--aspect", current.size[0] / current.size[1]);
     scrollTo(0, 0);
     page.focus({preventScroll: true});
     return;
@@ -168,7 +168,7 @@ document.addEventListener("click", (event) => {
   if (!link) return;
   if (link.className === "skip") {
     event.preventDefault();
-    (open ? page : report).focus();
+    (current ? page : report).focus();
   } else if (link.classList.contains("step")) {
     event.preventDefault();
     location.replace(link.hash); // so that going back leads to the gallery
@@ -181,10 +181,11 @@ document.addEventListener("click", (event) => {
 });
 
 document.addEventListener("keydown", (event) => {
-  if (!open || event.altKey || event.ctrlKey || event.metaKey || event.target.closest("input, select, .scroll")) return;
-  const next = {ArrowLeft: neighbour(-1), ArrowRight: neighbour(1)}[event.key];
+  if (!current || event.altKey || event.ctrlKey || event.metaKey) return;
   if (event.key === "Escape") leave();
-  else if (next) location.replace(`#query-${next.id}`);
+  if (event.target.closest("input, select, .scroll")) return; // there arrows have another meaning
+  const next = {ArrowLeft: neighbour(-1), ArrowRight: neighbour(1)}[event.key];
+  if (next) location.replace(`#query-${next.id}`);
 });
 
 addEventListener("hashchange", route);
