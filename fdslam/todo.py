@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from fdslam import keypoints, mapping
@@ -72,6 +72,18 @@ def everything(config: Config, sizes: Outline) -> Todo:
     )
 
 
+@dataclass
+class _Lost:
+    """What is not stored, gathered pair by pair; what pairs share, as maps and images, counts once."""
+
+    counts: Counter[str] = field(default_factory=Counter)  # by the names of ``Todo``
+    learn: dict[Key, int] = field(default_factory=dict)  # map images of each map that it does not hold
+    train: dict[Key, int] = field(default_factory=dict)  # map images of places without a trained AE, of each map
+    sifts: set[Key] = field(default_factory=set)  # addresses of those that are needed
+    support: set[Key] = field(default_factory=set)  # addresses of what is missing
+    looks: set[Key] = field(default_factory=set)  # likewise
+
+
 def remaining(
     config: Config,
     datasets: Sequence[Dataset],
@@ -93,51 +105,55 @@ def remaining(
     queries = {frame.digest: frame for one in datasets for frame in one.query}.values()
     frames = {frame.digest: frame for one in datasets for frame in (*one.map, *one.query)}.values()
     features = keypoints.FeatureStore(config.bow, store, config.workers)
-    learn, train, sifts, support = dict[str, int](), dict[str, int](), set[Key](), set[Key]()
-    looks, pretend = set[Key](), 0
-    counts = Counter[str](boxes=Proposals(library, store, config.workers).missing([*queries]))
-    every_sift = {comparison.features_key(frame, config.pc) for frame in frames}
-    times, uses = sorted({*config.evaluation.curve_Y, config.evaluation.Y}), config.mix.detectors
+    every_sift = {comparison.features_key(frame, config.pc) for frame in frames} if "PC" in config.mix.detectors else ()
+    lost = _Lost()
     for one in datasets:
         bow = mapping.BowMap(one.map, config.bow, library, store, config.workers)
-        learn[bow.keys[-1]], lost = bow.missing(one.query)
-        context = Context(config, one, store, (), (), (), bow, source)
-        if source is not None:
-            looks |= compact.missing_looks(context)
-        pretend += _made_up(context, times)
-        train[bow.keys[-1]] = untrained(context) if "AD" in uses else 0
-        counts.update(localise=lost, masks=missing_masks(one, model, store))
-        if lost:  # what they will be compared with is not known
-            sifts |= every_sift
-            counts.update(fd=len(times) * len(one.query), pc=len(times) * len(one.query), ad=len(one.query))
-            counts.update(support=len(one.query) if config.fd.support else 0, evidence=len(one.query))
-            continue
-        keys, localizations = bow.localize(one.query)
-        for y in times:
-            evaluation = replace(config.evaluation, Y=y)
-            best = hypotheses(evaluation, one, localizations)
-            context = replace(context, localizations=tuple(localizations), localization_keys=tuple(keys))
-            context = replace(context, hypotheses=best)
-            found, needed, unsupported = _lacking(context, y == config.evaluation.Y)
-            counts += found
-            sifts |= needed
-            support |= unsupported
-    return Todo(
-        masks=counts["masks"],
-        boxes=counts["boxes"],
+        lost.counts["masks"] += missing_masks(one, model, store)
+        _look_at(Context(config, one, store, (), (), (), bow, source), bow, lost, every_sift)
+    lost.counts.update(
+        boxes=Proposals(library, store, config.workers).missing([*queries]),
         features=store.lacks(keypoints.FEATURES, map(features.key, frames)),
-        learn=sum(learn.values()),
-        localise=counts["localise"],
-        sift=store.lacks(comparison.FEATURES, sifts) if "PC" in uses else 0,
-        train=sum(train.values()),
-        support=counts["support"] + len(support) if "FD" in uses else 0,
-        fd=counts["fd"] if "FD" in uses else 0,
-        pc=counts["pc"] if "PC" in uses else 0,
-        ad=counts["ad"] if "AD" in uses else 0,
-        looks=len(looks),
-        evidence=counts["evidence"] if source is not None else 0,
-        pretend=pretend,
+        learn=sum(lost.learn.values()),
+        sift=store.lacks(comparison.FEATURES, lost.sifts),
+        train=sum(lost.train.values()),
+        support=len(lost.support),
+        looks=len(lost.looks),
     )
+    return Todo(**lost.counts)
+
+
+def _look_at(context: Context, bow: mapping.BowMap, lost: _Lost, every_sift: Iterable[Key]) -> None:
+    """Add to ``lost`` what a pair of sessions that is not localised yet lacks."""
+    config, data = context.config, context.dataset
+    times = sorted({*config.evaluation.curve_Y, config.evaluation.Y})
+    if context.looks is not None:
+        lost.looks |= compact.missing_looks(context)
+    if "AD" in config.mix.detectors:
+        lost.train[bow.keys[-1]] = untrained(context)
+    lost.counts["pretend"] += _made_up(context, times)
+    lost.learn[bow.keys[-1]], unknown = bow.missing(data.query)
+    if unknown:  # what they will be compared with is not known
+        lost.sifts.update(every_sift)
+        lost.counts.update(_of_all(config, len(data.query), len(times)), localise=unknown)
+        return
+    keys, localizations = bow.localize(data.query)
+    context = replace(context, localizations=tuple(localizations), localization_keys=tuple(keys))
+    for y in times:
+        best = hypotheses(replace(config.evaluation, Y=y), data, localizations)
+        _compare(replace(context, hypotheses=best), lost, y == config.evaluation.Y)
+
+
+def _of_all(config: Config, queries: int, times: int) -> Counter[str]:
+    """Return what detectors have to do for all queries, for each of so many numbers of hypotheses."""
+    each = {"FD": ("fd", times), "PC": ("pc", times), "AD": ("ad", 1)}
+    uses = config.mix.detectors
+    counts = Counter({name: count * queries for detector, (name, count) in each.items() if detector in uses})
+    if "FD" in uses and config.fd.support:
+        counts["support"] = queries
+    if config.mix.compact:
+        counts["evidence"] = queries
+    return counts
 
 
 def _made_up(context: Context, times: Sequence[int]) -> int:
@@ -149,20 +165,24 @@ def _made_up(context: Context, times: Sequence[int]) -> int:
     return sum(early.missing(replace(context, config=one)) for one in each)
 
 
-def _lacking(context: Context, first: bool) -> tuple[Counter[str], set[Key], set[Key]]:
-    """Count what detectors lack for the hypotheses of a context; also return the addresses of SIFTs and word support.
+def _compare(context: Context, lost: _Lost, first: bool) -> None:
+    """Add to ``lost`` what detectors lack for the hypotheses of a context.
 
     Args:
         context: a pair of sessions, localised.
+        lost: what is missing so far.
         first: whether these are the hypotheses of the table itself, and not of a curve over Y alone.
     """
-    config, counts, sifts = context.config, Counter[str](), set[Key]()
-    uses = config.mix.detectors
+    config, uses = context.config, context.config.mix.detectors
     if "PC" in uses:
-        counts["pc"], sifts = comparison.missing(context)
-    counts["fd"], support = fault_diagnosis.missing(context)
+        count, sifts = comparison.missing(context)
+        lost.counts["pc"] += count
+        lost.sifts |= sifts
+    if "FD" in uses:
+        count, support = fault_diagnosis.missing(context)
+        lost.counts["fd"] += count
+        lost.support |= support
     if context.looks is not None and first:  # it looks at the same images for any Y but the smallest
-        counts["evidence"] = compact.missing(context)
+        lost.counts["evidence"] += compact.missing(context)
     if "AD" in uses and (first or config.ad.hypotheses == "min"):
-        counts["ad"] = anomaly.missing(context)
-    return counts, sifts, support
+        lost.counts["ad"] += anomaly.missing(context)

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from experiments.speed import autoencoders, compact, comparison, kernels, localization, query, stages
+from fdslam.localization import localize
 from tests.compact.walks import config_for, walk
 
 
@@ -129,10 +130,13 @@ def test_a_query_takes_every_stage(tmp_path):
     assert "| decoding its file once | 500.0 | 250.0 | 250.0 | 2.00 |" in printed
 
 
-def test_a_query_in_mode_best_takes_every_stage(tmp_path):
-    said = compact.measure(config_for(walk(tmp_path / "data"), tmp_path / "store"), 2)
-    rows = [line.split(" | ") for line in said.splitlines() if line.startswith("| ")]
-    assert [row[0].strip("| ") for row in rows[1:]] == [
+def test_a_query_in_mode_best_takes_every_stage_and_finds_its_place_in_larger_maps(tmp_path, monkeypatch):
+    found = []
+    monkeypatch.setattr(compact, "localize", lambda *given: found.append(localize(*given)) or found[-1])
+    said = compact.measure(config_for(walk(tmp_path / "data"), tmp_path / "store"), 2, [4])
+    stages_of_it, larger = said.split("\n\n")[1:]
+    rows = [line.split(" | ") for line in stages_of_it.splitlines()]
+    assert [row[0].strip("| ") for row in rows[2:]] == [
         "decode",
         "ORB",
         "OBBs: templates",
@@ -145,5 +149,13 @@ def test_a_query_in_mode_best_takes_every_stage(tmp_path):
         "EF",
         "**one query**",
     ]
-    assert sum(float(row[1]) for row in rows[1:-1]) == pytest.approx(float(rows[-1][1]), abs=1)
+    assert sum(float(row[1]) for row in rows[2:-1]) == pytest.approx(float(rows[-1][1]), abs=1)
     assert said.startswith("data: M = 12, 160 × 120, U = ")
+    sizes = [line.strip("| ").split(" | ") for line in larger.splitlines()[2:]]
+    assert [row[0] for row in sizes] == ["12", "48"]
+    for row in sizes:
+        *parts, together = map(float, row[1:])
+        assert sum(parts) == pytest.approx(together, abs=0.03)  # medians of two are means
+    small, large = found[:3], found[3:]  # the first of each loads the kernels
+    assert [one.ranks.shape[1] for one in (*small, *large)] == [12] * 3 + [48] * 3
+    assert [one.strong[0] for one in small] == [one.strong[0] for one in large]

@@ -8,6 +8,7 @@ import pytest
 from experiments.compact.leaks import LOOKS, TEXTURE, pixel_rows
 from experiments.compact.learners import drives, learned
 from experiments.compact.measures import alarms, box_mean_auroc, box_mean_matrix, found_by_area, mean_over, threshold
+from experiments.compact.movers import alarms_in, cells_in, percent
 from experiments.compact.prepared import configuration
 from experiments.compact.splits import agreeing, light_levels, splits
 from experiments.compact.worst import worst
@@ -110,6 +111,29 @@ def test_alarms_are_components_of_at_least_four_cells():
     assert alarms(cells, 1) == 2
     assert alarms(cells, 1.5) == 0
     assert alarms(cells, 0) == 1
+
+
+def test_alarms_and_cells_on_movers_are_counted():
+    """Oracles: a loop over cells, and ``measures.alarms`` for how many there are."""
+    rng = np.random.default_rng(0)
+    maps = [rng.random((12, 15)) for _ in range(6)]
+    masks = [rng.random((12, 15)) < 0.3 for _ in range(6)]
+    for (inside, every), cells, mask in zip(cells_in(maps, masks, 0.6), maps, masks, strict=True):
+        at = [(r, c) for r in range(12) for c in range(15) if cells[r, c] >= 0.6]
+        assert (inside, every) == (sum(bool(mask[place]) for place in at), len(at))
+    assert [every for _, every in alarms_in(maps, masks, 0.6)] == [alarms(cells, 0.6) for cells in maps]
+    cells, mask = np.zeros((8, 9)), np.zeros((8, 9), bool)
+    cells[0, :4] = cells[4, :5] = cells[7, :4] = 1
+    cells[2, 0] = 1  # alone: no alarm
+    mask[0, :2] = mask[4, :2] = mask[2, 0] = True  # half of the first, less of the second, none of the third
+    assert alarms_in([cells], [mask], 1) == [(1, 3)]
+
+
+def test_the_percentage_is_that_of_all_queries_together():
+    figure = percent([(1, 2), (0, 8), (0, 0)], CONFIG, 0)
+    assert figure.value == pytest.approx(10)
+    assert 0 <= figure.low <= 10 <= figure.high <= 50
+    assert percent([(0, 0)], CONFIG, 0) is None
 
 
 def test_a_mean_has_its_interval_over_queries():

@@ -45,6 +45,19 @@ class Synthetic:
         self.images = 0
         self._postings: list[NDArray[np.int32]] = []  # of blocks of images, [images, keypoints]
 
+    @classmethod
+    def after(cls, real: NDArray[np.uint8], posted: list[NDArray[np.int32]], rng: np.random.Generator) -> Synthetic:
+        """Return what goes on from a real map.
+
+        Args:
+            real: uint8 [n, 32], its words.
+            posted: int32 [k] of each of its images, their words.
+            rng: decides everything.
+        """
+        world = cls(real, max(map(len, posted)), rng)
+        world.images, world._postings = len(posted), [words[None] for words in posted if len(words)]
+        return world
+
     def new_words(self, count: int) -> NDArray[np.uint8]:
         """Return bits of new words, uint8 [count, 32]."""
         return flipped(self.real[self.rng.integers(0, len(self.real), count)], 3, self.rng)

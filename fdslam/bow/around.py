@@ -9,9 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from fdslam.native import NATIVE, njit
 from fdslam.types import Features
 
 NONE = 257  # bits: nothing is around
+_ROUNDED = 1e-6  # pixels: no sum of a place and a radius is off by more
+# To count the bits that are set in 64: by two, by four, by eight, then all eights at once.
+_TWOS, _FOURS, _EIGHTS = (np.uint64(n) for n in (0x5555555555555555, 0x3333333333333333, 0x0F0F0F0F0F0F0F0F))
+_ALL, _1, _2, _4, _56 = (np.uint64(n) for n in (0x0101010101010101, 1, 2, 4, 56))
 
 
 def candidates(hypotheses: Sequence[int] | NDArray[np.integer], images: int, best: int, neighbours: int) -> list[int]:
@@ -44,10 +49,24 @@ def nearest_around(
     best = np.full(len(descriptors), NONE)
     if not len(descriptors) or not len(other.xy):
         return best
-    around = cKDTree(other.xy.astype(np.float64)).query_ball_point(at, radius, return_sorted=True)
+    ours, theirs = (np.ascontiguousarray(rows).view(np.uint64) for rows in (descriptors, other.descriptors))
+    find = _nearest if NATIVE else _nearest_by_tree
+    find(ours, np.ascontiguousarray(at, np.float64), theirs, other.xy.astype(np.float64), radius, best)
+    return best
+
+
+def _nearest_by_tree(
+    ours: NDArray[np.uint64],
+    at: NDArray[np.float64],
+    theirs: NDArray[np.uint64],
+    xy: NDArray[np.float64],
+    radius: float,
+    best: NDArray[np.int64],
+) -> None:
+    """Write what ``nearest_around`` returns to ``best``, without compiled loops."""
+    around = cKDTree(xy).query_ball_point(at, radius, return_sorted=True)
     count = np.array([len(one) for one in around])
     word = np.fromiter(chain.from_iterable(around), np.int64, count.sum())
-    ours, theirs = (np.ascontiguousarray(rows).view(np.uint64) for rows in (descriptors, other.descriptors))
     mine = np.repeat(np.arange(len(ours)), count)
     distance = np.zeros(len(word), np.int64)
     for part in range(ours.shape[1]):  # a sum along so short an axis takes longer than all the rest
@@ -55,4 +74,46 @@ def nearest_around(
     some = np.flatnonzero(count)
     if len(some):
         best[some] = np.minimum.reduceat(distance, (np.cumsum(count) - count)[some])
-    return best
+
+
+def _nearest(
+    ours: NDArray[np.uint64],
+    at: NDArray[np.float64],
+    theirs: NDArray[np.uint64],
+    xy: NDArray[np.float64],
+    radius: float,
+    best: NDArray[np.int64],
+) -> None:
+    """Write the same, by compiled loops over the rows of places that the disc around a place touches."""
+    down = np.argsort(xy[:, 1], kind="stable")
+    x, y = np.ascontiguousarray(xy[down, 0]), np.ascontiguousarray(xy[down, 1])
+    begin = np.searchsorted(y, at[:, 1] - radius - _ROUNDED)
+    end = np.searchsorted(y, at[:, 1] + radius + _ROUNDED, side="right")
+    _in_discs(ours.reshape(-1), at.reshape(-1), theirs[down].reshape(-1), x, y, begin, end, radius * radius, best)
+
+
+@njit
+def _bits(value):
+    """Count the bits that are set in 64."""
+    value -= (value >> _1) & _TWOS
+    value = (value & _FOURS) + ((value >> _2) & _FOURS)
+    return (((value + (value >> _4)) & _EIGHTS) * _ALL) >> _56
+
+
+@njit
+def _in_discs(ours, at, theirs, x, y, begin, end, squared, best):
+    """Update ``best`` [n] by the places from ``begin`` to before ``end`` of each that lie in its disc."""
+    for i in range(len(best)):
+        q0, q1, q2, q3 = ours[4 * i], ours[4 * i + 1], ours[4 * i + 2], ours[4 * i + 3]
+        smallest = best[i]
+        for j in range(begin[i], end[i]):
+            across, down = x[j] - at[2 * i], y[j] - at[2 * i + 1]
+            if across * across + down * down <= squared:
+                bits = np.int64(
+                    _bits(q0 ^ theirs[4 * j])
+                    + _bits(q1 ^ theirs[4 * j + 1])
+                    + _bits(q2 ^ theirs[4 * j + 2])
+                    + _bits(q3 ^ theirs[4 * j + 3])
+                )
+                smallest = min(smallest, bits)
+        best[i] = smallest

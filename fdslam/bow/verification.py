@@ -9,6 +9,7 @@ go first, by those numbers.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -20,20 +21,38 @@ from fdslam.types import Features
 
 RATIO = 0.8  # of the nearest and the second nearest descriptor
 PIXELS, CONFIDENCE = 2.0, 0.985  # a keypoint agrees if it is no farther from the model
+RECENT = 64  # pairs of images whose matches are kept at hand; a query is matched with up to 15 map images
+Matches = tuple[NDArray[np.int64], NDArray[np.int64]]  # indices of keypoints of either image, the first rising
 _MODELS = ((cv2.findFundamentalMat, 7), (cv2.findHomography, 4))  # and the fewest matches they take
 
 
-def correspondences(query: Features, other: Features) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def correspondences(query: Features, other: Features) -> Matches:
     """Match two images by the ratio test, one to one: indices of their keypoints, int64 [k] each, the first rising.
 
     Of several keypoints of the query that want the same one of the other image the nearest has it, then the first.
     """
-    distance, index = two_nearest(query.descriptors, other.descriptors)
+    return _matched(query.descriptors, other.descriptors)
+
+
+def _matched(ours: NDArray[np.uint8], theirs: NDArray[np.uint8]) -> Matches:
+    distance, index = two_nearest(ours, theirs)
     mine = np.flatnonzero((index[:, 1] >= 0) & (distance[:, 0] <= RATIO * distance[:, 1]))
     order = mine[np.lexsort((mine, distance[mine, 0]))]
     _, first = np.unique(index[order, 0], return_index=True)
     mine = np.sort(order[first])
     return mine, index[mine, 0].astype(np.int64)
+
+
+@lru_cache(RECENT)
+def _at_hand(ours: bytes, theirs: bytes) -> Matches:
+    """Return the matches of descriptors by their bytes: hashing them takes a hundredth of the time of matching them.
+
+    Word support and the compact map's alignment ask for the same pairs, with places that differ in rounding.
+    """
+    found = _matched(*(np.frombuffer(rows, np.uint8).reshape(-1, 32) for rows in (ours, theirs)))
+    for indices in found:
+        indices.setflags(write=False)  # whoever asks next gets the same arrays
+    return found
 
 
 def _usac() -> cv2.UsacParams:
@@ -44,13 +63,19 @@ def _usac() -> cv2.UsacParams:
     return parameters
 
 
-def supporting_matches(query: Features, other: Features, least: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def supporting_matches(query: Features, other: Features, least: int) -> Matches:
     """Return the matches of two images that fit one rigid scene; none, if fewer than ``least`` do.
+
+    Of the last ``RECENT`` pairs the matches are at hand, and are not made again.
 
     Returns:
         Indices of the keypoints of either image, int64 [k] each, the first rising.
     """
-    mine, theirs = correspondences(query, other)
+    return _fitting(query, other, _at_hand(query.descriptors.tobytes(), other.descriptors.tobytes()), least)
+
+
+def _fitting(query: Features, other: Features, matches: Matches, least: int) -> Matches:
+    mine, theirs = matches
     for find, needed in _MODELS:
         if len(mine) < max(least, needed):
             continue
@@ -63,7 +88,7 @@ def supporting_matches(query: Features, other: Features, least: int) -> tuple[ND
 def agreeing(query: Features, other: Features, least: int) -> NDArray[np.bool_]:
     """Tell which keypoints of the query agree with the other image, bool [n]; none, if fewer than ``least`` do."""
     result = np.zeros(len(query.xy), bool)
-    result[supporting_matches(query, other, least)[0]] = True
+    result[_fitting(query, other, correspondences(query, other), least)[0]] = True
     return result
 
 

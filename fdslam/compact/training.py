@@ -182,6 +182,8 @@ def boosted(rows: NDArray[np.float32], label: NDArray[np.uint8], config: Trainin
         learning_rate=config.rate,
         max_iter=config.trees,
         max_leaf_nodes=config.leaves,
+        min_samples_leaf=config.leaf,
+        l2_regularization=config.l2,
         early_stopping=False,
         random_state=seed,
     )

@@ -18,6 +18,8 @@ class Training(Checked):
     rounds: int = option(1, "times that each of them is changed", low=1, high=100)
     trees: int = option(100, "trees of the gradient boosting", low=1, high=10_000)
     leaves: int = option(24, "most leaves of a tree", low=2, high=1000)
+    leaf: int = option(200, "fewest cells that a leaf is learned from", low=1, high=1_000_000)
+    l2: float = option(1.0, "L2 regularisation of what a leaf says", low=0, high=1e6)
     rate: float = option(0.08, "learning rate", low=1e-4, high=1)
 
 

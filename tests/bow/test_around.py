@@ -1,9 +1,11 @@
 """Oracle: reference.nearest_word, every word of an image looked at."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fdslam.bow import around
 from fdslam.bow.around import NONE, candidates, nearest_around
 from fdslam.types import Features
 from tests import reference
@@ -17,7 +19,25 @@ def test_the_nearest_word_equals_the_loops(seed, count, others, radius):
     query = rng.integers(0, 256, (count, 32), np.uint8)
     other = Features(rng.integers(0, 12, (others, 2)).astype(np.float32), rng.integers(0, 256, (others, 32), np.uint8))
     expected = reference.nearest_word(query, at, other.xy, other.descriptors, radius, NONE)
-    assert nearest_around(query, at, other, radius).tolist() == expected
+    for native in (True, False):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(around, "NATIVE", native)
+            assert nearest_around(query, at, other, radius).tolist() == expected
+
+
+def test_both_ways_are_the_same_on_an_image_full_of_keypoints(monkeypatch):
+    rng = np.random.default_rng(0)
+    query, bits = rng.integers(0, 256, (2, 1500, 32), np.uint8)
+    other = Features(rng.uniform(0, [480, 360], (1500, 2)).astype(np.float32), bits)
+    at = rng.uniform(-60, 540, (1500, 2))
+    found = []
+    for native in (True, False):
+        monkeypatch.setattr(around, "NATIVE", native)
+        found.append([nearest_around(query, at, other, radius) for radius in (0.3, 20.0, 900.0)])
+    for one, two in zip(*found, strict=True):
+        assert one.dtype == two.dtype
+        assert np.array_equal(one, two)
+    assert found[0][0].max() == NONE > found[0][2].max()
 
 
 def test_candidates_are_the_best_hypotheses_and_what_lies_beside_them():

@@ -5,7 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fdslam.bow import verification
-from fdslam.bow.verification import agreeing, correspondences, inliers_per_obb, promote, verified
+from fdslam.bow.verification import (
+    agreeing,
+    correspondences,
+    inliers_per_obb,
+    promote,
+    supporting_matches,
+    verified,
+)
 from fdslam.types import Features
 from tests.reference import refinement
 
@@ -138,3 +145,34 @@ def test_only_the_first_images_of_a_list_are_looked_at_and_each_once():
     assert np.array_equal(np.delete(result, 2, axis=1), np.delete(levels, 2, axis=1))
     assert np.array_equal(verified(levels, query, inside, map_features, 0, 20), levels)
     assert np.array_equal(verified(levels, query, inside, map_features, 1, 20), levels)
+
+
+def test_matches_at_hand_are_those_that_would_be_made(monkeypatch):
+    """The oracle is matching each pair anew, without a memory."""
+    made = []
+
+    def counted(ours, theirs):
+        made.append(len(ours))
+        return matched(ours, theirs)
+
+    matched = verification._matched
+    pairs = [seen_from_elsewhere(seed) for seed in range(3)]
+    monkeypatch.setattr(verification, "_matched", counted)
+    verification._at_hand.cache_clear()
+    for query, other in pairs * 2:
+        moved = Features(other.xy + np.float32(0.004), other.descriptors.copy())  # the same words, placed as packed
+        for there in (other, moved):
+            expected = verification._fitting(query, there, matched(query.descriptors, there.descriptors), 8)
+            found = supporting_matches(query, there, 8)
+            assert len(found[0]) > 40
+            for one, two in zip(found, expected, strict=True):
+                assert one.tobytes() == two.tobytes()
+                one[:] = 0  # what is given is the asker's own
+    assert len(made) == len(pairs)
+    query, other = pairs[0]
+    kept = verification._at_hand(query.descriptors.tobytes(), other.descriptors.tobytes())
+    assert not any(one.flags.writeable for one in kept)
+    less = Features(other.xy[:30], other.descriptors[:30])
+    assert len(supporting_matches(query, less, 4)[0]) < len(supporting_matches(query, other, 4)[0])
+    none = Features(other.xy[:0], other.descriptors[:0])
+    assert all(len(one) == 0 for pair in ((query, none), (none, query)) for one in supporting_matches(*pair, 8))

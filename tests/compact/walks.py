@@ -45,7 +45,7 @@ def config_for(root, store, **changes):
         obb=Obb("J+B"),
         bow=Bow(features=300, min_side=240),
         compact=Compact(source="gradients"),
-        early=Early(model="map", trees=15, leaves=8),
+        early=Early(model="map", trees=15, leaves=8, leaf=20),
         mix=Mix(rows=["CC", "WC", "MW", "EF", "FD", "FD+CC"]),
         evaluation=Evaluation(bootstrap=10),
         report=Report(pictures=0),
