@@ -23,7 +23,8 @@ CONTROL_STYLES = (":", "--", "-.", (0, (1, 3)))
 def _style(i: int, methods: int) -> dict:
     """Return how the i-th row is drawn: methods in colour, controls grey."""
     if i < methods:
-        return {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.8}
+        again = "--" if i >= len(COLOURS) else "-"
+        return {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.8, "linestyle": again}
     return {"color": "0.45", "linewidth": 1.2, "linestyle": CONTROL_STYLES[(i - methods) % len(CONTROL_STYLES)]}
 
 
