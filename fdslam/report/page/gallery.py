@@ -14,11 +14,11 @@ from fdslam.config import Config
 from fdslam.fusion import competition_ranks, percentiles
 from fdslam.pipeline import Maps, Outcome
 from fdslam.progress import in_parallel, progress
-from fdslam.report.page.images import heat_map, mask_image, photograph
-from fdslam.report.page.records import Records
+from fdslam.report.page.images import blank, heat_map, mask_image, photograph
+from fdslam.report.page.records import Records, Shown
 from fdslam.report.page.render import as_json
 from fdslam.report.pictures import score_queries
-from fdslam.types import CELL, Frame
+from fdslam.types import CELL
 
 HIGHEST = 0.99  # quantile of a query's cells that says how much change a method sees in it
 BATCH = 32  # queries that are prepared before it is asked whether more fit
@@ -114,10 +114,11 @@ def _that_fit(
     return chosen, images
 
 
-def _photographs(wanted: Mapping[str, tuple[Frame, int]], workers: int) -> dict[str, str]:
-    jobs = [
-        partial(lambda key, frame, side: (key, photograph(frame.path, side)), key, *one) for key, one in wanted.items()
-    ]
+def _photographs(wanted: Mapping[str, Shown], workers: int) -> dict[str, str]:
+    def draw(key: str, shown: Shown) -> tuple[str, str]:
+        return key, photograph(shown.frame.path, shown.side) if shown.there else blank(shown.frame, shown.side)
+
+    jobs = [partial(draw, *one) for one in wanted.items()]
     return dict(progress(in_parallel(jobs, workers), len(jobs), "images of the page"))
 
 

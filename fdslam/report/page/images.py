@@ -11,7 +11,7 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from fdslam.data.images import read_image
 from fdslam.types import Frame
@@ -35,12 +35,30 @@ def photograph(path: Path, side: int) -> str:
         InputError: the image cannot be read.
     """
     image = read_image(path)
-    scale = side / max(image.shape[:2])
-    if scale < 1:
-        size = max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale))
+    height, width = image.shape[:2]
+    size = _fitting(height, width, side)
+    if size != (width, height):
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return _jpeg(Image.fromarray(image))
+
+
+def blank(frame: Frame, side: int) -> str:
+    """Return what stands in the place of a map image that is gone: a saved map keeps none."""
+    size = _fitting(frame.height, frame.width, side)
+    image = Image.new("L", size, 128)
+    ImageDraw.Draw(image).text((size[0] / 2, size[1] / 2), "not kept", fill=255, anchor="mm", font_size=size[0] / 8)
+    return _jpeg(image)
+
+
+def _fitting(height: int, width: int, side: int) -> tuple[int, int]:
+    """Return width and height, the longer at most ``side``."""
+    scale = min(1, side / max(height, width))
+    return max(1, round(width * scale)), max(1, round(height * scale))
+
+
+def _jpeg(image: Image.Image) -> str:
     held = BytesIO()
-    Image.fromarray(image).save(held, format="JPEG", quality=QUALITY, optimize=True)
+    image.save(held, format="JPEG", quality=QUALITY, optimize=True)
     return _address("jpeg", held)
 
 

@@ -18,6 +18,15 @@ from fdslam.types import Boxes, Frame, grid_shape
 
 
 @dataclass(frozen=True)
+class Shown:
+    """An image of the page."""
+
+    frame: Frame
+    side: int  # pixels of the longer side, at most
+    there: bool = True  # a map image may be gone: nothing but the page looks at it again
+
+
+@dataclass(frozen=True)
 class Records:
     """The queries of a run, one at a time."""
 
@@ -41,13 +50,13 @@ class Records:
         """Per query the number of its first box among those of all."""
         return np.cumsum([0, *map(len, self.outcome.dataset.boxes or ())])
 
-    def frames(self, query: int) -> dict[str, tuple[Frame, int]]:
+    def frames(self, query: int) -> dict[str, Shown]:
         """Return the images that a query's record names: its own and the first map image large, the others small."""
         data = self.outcome.dataset
-        shown = [(data.query[query], LARGE)]
+        shown = [Shown(data.query[query], LARGE)]
         for place, m in enumerate(self.outcome.hypotheses[query]):
-            shown.append((data.map[m], SMALL if place else LARGE))
-        return {image_key(frame, side): (frame, side) for frame, side in shown}
+            shown.append(Shown(data.map[m], SMALL if place else LARGE, data.map[m].path.is_file()))
+        return {image_key(one.frame, one.side): one for one in shown}
 
     def record(self, query: int) -> dict[str, Any]:
         """Return everything about a query but its images and heat maps."""
