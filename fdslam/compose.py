@@ -24,6 +24,7 @@ FOLDERS = (
     "compact.weights",
     "mask.weights",
     "store",
+    "tracker.folder",
     "hydra.run.dir",
     "hydra.sweep.dir",
 )  # keys whose values are folders or files

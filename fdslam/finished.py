@@ -19,7 +19,7 @@ from fdslam.modes import CONF
 from fdslam.provenance import versions
 from fdslam.store import digest, sha256_file
 
-NO_PART_OF_A_RESULT = ("store", "workers")
+NO_PART_OF_A_RESULT = ("store", "workers", "tracker")
 
 
 @cache

@@ -21,6 +21,7 @@ from fdslam.queries import Fused, Located, Maps, Seen, locate, see
 from fdslam.sessions import identities, joined
 from fdslam.store import Store
 from fdslam.todo import everything, remaining
+from fdslam.training import Training, training_of
 from fdslam.types import Dataset, Localization
 
 RECALL_AT = (1, 5, 10)
@@ -43,6 +44,7 @@ class Outcome:
     pairs: tuple[Outcome, ...] = ()  # the same of each pair of sessions alone, where there are several
     over_Y: dict[int, tuple[Row, ...]] = field(default_factory=dict)  # rows at other numbers of hypotheses
     masks: tuple[NDArray[np.bool_], ...] | None = None  # per query which cells are masked; None: no mask
+    training: tuple[Training, ...] = ()  # per place of every map, how its autoencoder was trained
 
 
 def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outcome:
@@ -78,8 +80,12 @@ def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outco
     outcome = outcome_of(config, annotated, watch)
     pairs = tuple(outcome_of(config, [one], watch) for one in seen) if len(seen) > 1 else ()
     over = _over_Y(config, outcome, [one.located for one in annotated], store, watch)
+    training: tuple[Training, ...] = ()
+    if "AD" in config.mix.detectors:
+        with watch.stage("AD"):
+            training = training_of(config, datasets, store)
     jpeg = grey_jpeg(outcome.dataset.map) if config.mix.compact else 0.0
-    return replace(outcome, pairs=pairs, over_Y=over, jpeg=jpeg)
+    return replace(outcome, pairs=pairs, over_Y=over, jpeg=jpeg, training=training)
 
 
 def outcome_of(config: Config, seen: Sequence[Seen], watch: Stopwatch) -> Outcome:

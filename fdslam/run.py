@@ -28,7 +28,8 @@ from fdslam.errors import InputError
 from fdslam.finished import signature
 from fdslam.modes import CONF, overruled
 from fdslam.progress import say
-from fdslam.sweep import note_failure, reused, unfinish
+from fdslam.sweep import note_failure, note_untracked, reused, unfinish
+from fdslam.trackers import check_tracker, track
 
 if TYPE_CHECKING:
     from fdslam.models import Models
@@ -42,7 +43,7 @@ def check_surroundings(config: Config) -> Models:
 
     Raises:
         InputError: the data set lacks something, the store cannot be written, the disk is nearly full, the OBB
-            library names something unknown, or a model cannot be read.
+            library names something unknown, a model cannot be read, or the tracker lacks something.
     """
     from fdslam.data import check_dataset
     from fdslam.models import load_models, out_of_their_world
@@ -62,6 +63,7 @@ def check_surroundings(config: Config) -> Models:
         count = torch.cuda.device_count() if torch.cuda.is_available() else 0
         if int(config.device.partition(":")[2] or 0) >= count:
             raise InputError(f"device={config.device}: torch finds {count} CUDA devices here; run with device=cpu")
+    check_tracker(config.tracker)
     models = load_models(config)
     if notice := out_of_their_world(config):
         say(notice)
@@ -103,8 +105,9 @@ def _run(composed: DictConfig) -> None:
     models = check_surroundings(config)
     folder = Path(HydraConfig.get().runtime.output_dir)
     made_of = signature(config, models.identity)
-    if HydraConfig.get().mode == RunMode.MULTIRUN and reused(folder, config.name, made_of):
-        return
+    sweep = HydraConfig.get().mode == RunMode.MULTIRUN
+    if sweep and reused(folder, config.name, made_of):
+        return _track(config, folder, sweep)
     unfinish(folder)
     # Only now: torch, OpenCV and the rest take seconds to import.
     from fdslam.pipeline import run
@@ -115,6 +118,19 @@ def _run(composed: DictConfig) -> None:
     outcome = run(config, watch, models)
     print(write_report(outcome, config, folder, watch, made_of))
     print(f"\n{sum(watch.seconds.values()):.1f} s, written to {os.path.relpath(folder)}")
+    _track(config, folder, sweep)
+
+
+def _track(config: Config, folder: Path, sweep: bool) -> None:
+    """Note a finished run down; if a job of a sweep cannot be, that leaves its line, and its results count."""
+    label = f"{folder.parent.name}/{folder.name}" if sweep else folder.name
+    try:
+        track(config.tracker, folder, label)
+    except InputError as error:
+        if not sweep:
+            raise
+        print(f"fdslam: {error}", file=sys.stderr)
+        note_untracked(folder, error)
 
 
 def main() -> None:

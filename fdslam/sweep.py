@@ -89,4 +89,16 @@ def note_failure(folder: Path, error: InputError) -> None:
         error: that ended it.
     """
     unfinish(folder)
+    note_untracked(folder, error)
+
+
+def note_untracked(folder: Path, error: InputError) -> None:
+    """Leave a line in the folder of a job whose results are whole, but which a tracker could not note down.
+
+    The sweep run again finds the job finished, and gives it to the tracker alone.
+
+    Args:
+        folder: of the job.
+        error: of the tracker.
+    """
     write_atomically(folder / ERROR, f"{error}\n".encode())

@@ -23,6 +23,7 @@ from fdslam.config.mask import Mask
 from fdslam.config.obb import Bing, Obb, Yolo
 from fdslam.config.options import Checked, option, part
 from fdslam.config.pc import Comparison, Keypoints, Pc
+from fdslam.config.tracker import Tracker
 from fdslam.errors import InputError
 
 __all__ = [
@@ -55,6 +56,7 @@ __all__ = [
     "Report",
     "Retrieval",
     "Support",
+    "Tracker",
     "Training",
     "Vocabulary",
     "Yolo",
@@ -160,6 +162,7 @@ class Config(Checked):
     mask: Mask = field(default_factory=Mask)
     evaluation: Evaluation = field(default_factory=Evaluation)
     report: Report = field(default_factory=Report)
+    tracker: Tracker = field(default_factory=Tracker)
 
 
 def register() -> None:

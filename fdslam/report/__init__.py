@@ -12,7 +12,7 @@ from fdslam.pipeline import Outcome
 from fdslam.progress import worker_count
 from fdslam.provenance import Stopwatch, provenance
 from fdslam.report.curves import draw_curves
-from fdslam.report.data import pairs_csv, table_csv, table_json
+from fdslam.report.data import pairs_csv, table_csv, table_json, training_csv
 from fdslam.report.latex import table_latex
 from fdslam.report.page import write_page
 from fdslam.report.pictures import draw_pictures
@@ -42,6 +42,9 @@ def write_report(
     write_atomically(folder / "table.tex", table_latex(outcome, config).encode())
     if outcome.pairs:
         write_atomically(folder / "pairs.csv", pairs_csv(outcome).encode())
+    (folder / "training.csv").unlink(missing_ok=True)  # of an earlier run into the same folder, as the page below
+    if outcome.training:
+        write_atomically(folder / "training.csv", training_csv(outcome).encode())
     if curves := draw_curves(outcome, config):
         write_atomically(folder / "curves.png", curves)
     (folder / "report.html").unlink(missing_ok=True)  # of an earlier run into the same folder

@@ -47,6 +47,19 @@ def pairs_csv(outcome: Outcome) -> str:
     return _csv([["query", "map", *COLUMNS], *rows])
 
 
+def training_csv(outcome: Outcome) -> str:
+    """Return how the autoencoders were trained as CSV, one line per loss: map, place, images, figure, step, L1.
+
+    The steps of ``training`` are epochs of the final network, those of ``held-out`` the folds, each with its best
+    epoch's loss.
+    """
+    lines = []
+    for one in outcome.training:
+        for figure, losses in (("training", one.training), ("held-out", one.held_out)):
+            lines += [[one.map, one.place, one.images, figure, step, loss] for step, loss in enumerate(losses, 1)]
+    return _csv([["map", "place", "images", "figure", "step", "L1"], *lines])
+
+
 def _entry(figure: Figure | None) -> dict[str, float | None]:
     if figure is None:
         return {"value": None, "low": None, "high": None}

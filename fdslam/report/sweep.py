@@ -64,9 +64,11 @@ def read_jobs(folder: Path) -> list[Job]:
 
 def _flat(config: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     for key, value in config.items():
+        if f"{prefix}{key}" in NOT_SWEPT:
+            continue
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{key}.")
-        elif f"{prefix}{key}" not in NOT_SWEPT:
+        else:
             yield f"{prefix}{key}", ", ".join(map(str, value)) if isinstance(value, list) else value
 
 
