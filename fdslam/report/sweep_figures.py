@@ -141,6 +141,6 @@ def _over_x(table: pa.Table, keys: list[str], methods: Sequence[str]) -> Figure:
         each.set(xlabel="X, % of the cells", ylabel="changed objects found, %", ylim=(0, 100))
         each.set_title(method, fontsize=9)
         each.grid(alpha=0.3)
-    if len(jobs) <= MOST_LINES:
+    if keys and len(jobs) <= MOST_LINES:
         axes[0].legend(fontsize=6, title=", ".join(keys), title_fontsize=6)
     return figure

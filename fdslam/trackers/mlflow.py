@@ -28,7 +28,7 @@ QUIET = {"MLFLOW_DISABLE_TELEMETRY": "true", "DO_NOT_TRACK": "true", "MLFLOW_LOG
 def key(name: Name) -> str:
     """Return a name in the characters that MLflow takes, different names as different keys.
 
-    ``+`` is written " and ", ``@`` " at ", and whatever else it refuses ``_xHEX_``: FD+AD is "FD and AD", recall@5
+    ``+`` is written ``:``, ``@`` " at ", and whatever else it refuses ``_xHEX_``: FD+AD is ``FD:AD``, recall@5 is
     "recall at 5". A key that would be too long ends in the name's digest.
     """
     written = "/".join(map(_part, name))
@@ -39,9 +39,9 @@ def key(name: Name) -> str:
 
 def _part(part: str) -> str:
     dots = r"|\." if not part.strip(".") else ""  # it would take them for folders
-    # What the two words and the escapes below could be mistaken for is escaped as well.
-    escaped = re.sub(rf"[^\w.\- +@]|_(?=x[0-9a-f]*_)| (?=(and|at) ){dots}", lambda c: f"_x{ord(c[0]):x}_", part)
-    return escaped.replace("+", " and ").replace("@", " at ") or "_x_"
+    # What these could be mistaken for is escaped as well.
+    escaped = re.sub(rf"[^\w.\- +@]|_(?=x[0-9a-f]*_)| (?=at ){dots}", lambda c: f"_x{ord(c[0]):x}_", part)
+    return escaped.replace("+", ":").replace("@", " at ") or "_x_"
 
 
 class MLflow:

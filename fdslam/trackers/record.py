@@ -46,7 +46,7 @@ def read_record(folder: Path, label: str) -> Record:
     said = (folder / "run.json").read_bytes()
     run = json.loads(said)
     table = json.loads((folder / "table.json").read_text(encoding="utf-8"))
-    figures: dict[Name, float] = {("peak memory, MiB",): run["peak_memory_mib"]}
+    figures: dict[Name, float] = {("peak memory MiB",): run["peak_memory_mib"]}
     figures |= {("seconds", stage): seconds for stage, seconds in run["seconds"].items()}
     for name, entry in table["localization"].items():
         figures |= _interval(("localisation", name), entry)

@@ -47,6 +47,7 @@ class TensorBoard:
         for target in self._targets(record):
             if _identity(target) == record.identity:
                 return str(target)
+        self.check()
         # Elsewhere first: TensorBoard shows what is in its folder, and a kill would leave half a run there.
         begun = Path(tempfile.mkdtemp(dir=self.folder, prefix=".unfinished_"))
         try:
