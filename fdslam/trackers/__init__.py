@@ -69,5 +69,6 @@ def track(settings: Tracker, folder: Path, label: str) -> None:
 
 def _failed(settings: Tracker, error: Exception) -> str:
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    at = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
+    name = (error.filename2 or error.filename) if isinstance(error, OSError) else None  # where to, of a copy
+    at = f"{name}: " if name else ""
     return f"tracker={settings.kind}: cannot write to {settings.folder} ({at}{' '.join(reason.split())[:300]})"

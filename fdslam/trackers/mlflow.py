@@ -76,11 +76,13 @@ class MLflow:
         """Write a run into the database, and say where it is."""
         with _alone(self.folder / "mlflow.lock"):
             self.check()
-            client = _client(f"sqlite:///{self.database}")
+            _prepare()
             from mlflow.exceptions import MlflowException
+            from mlflow.tracking import MlflowClient
             from sqlalchemy.exc import SQLAlchemyError
 
             try:
+                client = MlflowClient(f"sqlite:///{self.database}")  # makes the tables where there are none
                 return f"{self.database}, run {self._write(client, record)}"
             except (MlflowException, SQLAlchemyError) as error:
                 raise TrackerError(str(error)) from error
@@ -117,14 +119,13 @@ def _alone(path: Path) -> Iterator[None]:
         yield
 
 
-def _client(address: str) -> MlflowClient:
-    # Before the import, which would start what tells its makers of every use.
-    os.environ.update(QUIET)
-    from mlflow.tracking import MlflowClient
+def _prepare() -> None:
+    """Import MLflow so that it tells neither its makers of every use nor the user how it makes tables."""
+    os.environ.update(QUIET)  # before the import, which would start what does
+    import mlflow  # noqa: F401
 
-    for name in ("mlflow", "alembic"):  # they tell how they make the tables
+    for name in ("mlflow", "alembic"):
         logging.getLogger(name).setLevel(logging.ERROR)
-    return MlflowClient(address)
 
 
 def _fill(client: MlflowClient, run: str, record: Record) -> None:

@@ -18,7 +18,7 @@ import runpy, sys
 asked = open("asked.txt", "w")
 def watch(event, given):
     if event in ("socket.connect", "socket.getaddrinfo", "socket.gethostbyname", "socket.sendto"):
-        print(event, given[1:], file=asked, flush=True)
+        print(event, *map(str, given), file=asked, flush=True)
 sys.addaudithook(watch)
 runpy.run_module("fdslam.run", run_name="__main__", alter_sys=True)
 """

@@ -110,6 +110,11 @@ def test_a_full_disk_is_one_line_and_the_run_is_kept(kind, job, tmp_path, small_
     assert before == {path: path.read_bytes() for path in job.rglob("*") if path.is_file()}
 
 
+def test_a_disk_that_is_full_before_the_tables_are_made(swept, tmp_path, small_files):
+    with pytest.raises(InputError, match=r"^tracker=mlflow: cannot write to .*; the run is whole in "):
+        track(Tracker("mlflow", str(tmp_path)), swept.sweep / "0", "x")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_job_that_was_not_noted_down_is_finished_and_says_so(kind, job, tmp_path, capsys):
     """Run again, the sweep finds it finished, and the tracker gets it then."""
