@@ -58,6 +58,7 @@ def command(*arguments, cwd=ROOT, python=sys.executable):
         (["obb=yolo", f"obb.yolo.weights={__file__}"], "test_run.py: not a whole ONNX model"),
         (["mask=deeplabv3plus", "mask.weights=/nowhere/b.onnx"], "mask.weights=/nowhere/b.onnx: no such file"),
         (["mask.label_map=voc"], "mask.label_map=voc: choose one of auto, ade20k32"),
+        (["tracker=wandb"], "tracker=wandb: no such option, choose one of mlflow, none, tensorboard"),
         (["obb.yolo.layout=ssd"], "obb.yolo.layout=ssd: choose one of auto, yolox"),
         (["obb.yolo.score=2"], "obb.yolo.score=2.0: out of range"),
         (["+obb.yolo.foo=3"], "unknown key 'obb.yolo.foo'"),

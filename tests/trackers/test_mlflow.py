@@ -111,7 +111,7 @@ def test_many_losses_and_long_values_go_in(swept, tracking):
 
 
 PARTS = st.text(st.sampled_from("ab+@/._x2_: %\n√") | st.characters(codec="utf-8"), max_size=8)
-WORDS = st.sampled_from([":", " at ", "_x2f_", "_x_", "..", "."])
+WORDS = st.sampled_from([":", " at ", "_x2f_", "_x_", "..", ".", "..0"])
 NAMES = st.lists(st.lists(PARTS | WORDS, max_size=3).map("".join), min_size=1, max_size=3).map(tuple)
 
 
