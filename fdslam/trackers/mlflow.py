@@ -39,7 +39,7 @@ def key(name: Name) -> str:
 
 def _part(part: str) -> str:
     # A dot at the beginning would make a folder of it; what the escapes could be mistaken for is escaped as well.
-    escaped = re.sub(r"[^\w.\- +@]|^\.|_(?=x[0-9a-f]*_)| (?=at )", lambda c: f"_x{ord(c[0]):x}_", part)
+    escaped = re.sub(r"[^\w.\- +@]|^\.|_(?=x)| (?=at[ @])", lambda c: f"_x{ord(c[0]):x}_", part)
     return escaped.replace("+", ":").replace("@", " at ") or "_x_"
 
 
