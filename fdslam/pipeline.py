@@ -80,11 +80,11 @@ def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outco
     outcome = outcome_of(config, annotated, watch)
     pairs = tuple(outcome_of(config, [one], watch) for one in seen) if len(seen) > 1 else ()
     over = _over_Y(config, outcome, [one.located for one in annotated], store, watch)
-    jpeg = grey_jpeg(outcome.dataset.map) if config.mix.compact else 0.0
     training: tuple[Training, ...] = ()
     if "AD" in config.mix.detectors:
         with watch.stage("AD"):
             training = training_of(config, datasets, store)
+    jpeg = grey_jpeg(outcome.dataset.map) if config.mix.compact else 0.0
     return replace(outcome, pairs=pairs, over_Y=over, jpeg=jpeg, training=training)
 
 

@@ -127,7 +127,7 @@ def test_a_nearly_full_disk_is_told_at_the_start(monkeypatch, capsys, tmp_path):
 
 
 @pytest.mark.parametrize("fault", ["truncated image", "NaN", "box outside"])
-def test_a_fault_in_the_data_is_one_line_and_leaves_no_traceback(fault, tmp_path):
+def test_a_fault_in_the_data_is_one_line_and_leaves_no_traceback(fault, monkeypatch, capfd, tmp_path):
     root = small_world(tmp_path / "world")
     if fault == "truncated image":
         (root / "map" / "03.png").write_bytes((root / "map" / "03.png").read_bytes()[:900])
@@ -136,14 +136,17 @@ def test_a_fault_in_the_data_is_one_line_and_leaves_no_traceback(fault, tmp_path
     else:
         text = (root / "annotations.json").read_text().replace("[40, 60, 40, 40]", "[400, 60, 40, 40]", 1)
         (root / "annotations.json").write_text(text)
-    done = command(
-        "+experiment=fd", "dataset=folder", f"dataset.root={root}", f"store={tmp_path / 's'}", *QUICK, cwd=tmp_path
-    )
-    lines = [line for line in done.stderr.splitlines() if line.startswith("fdslam: ")]
-    assert done.returncode == 2
+    monkeypatch.chdir(tmp_path)
+    arguments = ["+experiment=fd", "dataset=folder", f"dataset.root={root}", f"store={tmp_path / 's'}", *QUICK]
+    monkeypatch.setattr(sys, "argv", ["fdslam.run", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        run.main()
+    said = capfd.readouterr().err  # of compiled code as well
+    lines = [line for line in said.splitlines() if line.startswith("fdslam: ")]
+    assert ended.value.code == 2
     assert len(lines) == 1
     assert {"truncated image": "map/03.png", "NaN": "map.csv, line 4", "box outside": "annotation 0"}[fault] in lines[0]
-    assert "Traceback" not in done.stderr
+    assert "Traceback" not in said
 
 
 def test_help_names_groups_and_keys():

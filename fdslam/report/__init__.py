@@ -42,6 +42,7 @@ def write_report(
     write_atomically(folder / "table.tex", table_latex(outcome, config).encode())
     if outcome.pairs:
         write_atomically(folder / "pairs.csv", pairs_csv(outcome).encode())
+    (folder / "training.csv").unlink(missing_ok=True)  # of an earlier run into the same folder, as the page below
     if outcome.training:
         write_atomically(folder / "training.csv", training_csv(outcome).encode())
     if curves := draw_curves(outcome, config):
