@@ -13,7 +13,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -151,6 +151,7 @@ def _found(
     from fdslam.report.page import write_page
 
     outcome = detector.outcome(frames, Store(asked.store), watch)
+    outcome = replace(outcome, dataset=replace(outcome.dataset, name=asked.map.name))
     found = [(one, one.candidates(asked.share, asked.top)) for one in detections(outcome, detector.row)]
     about = {"mode": detector.config.mode, "detectors": detector.row, "share": asked.share, "map": str(asked.map)}
     told = findings(found, about)
@@ -163,7 +164,8 @@ def _found(
             write_atomically(out / "overlays" / name, overlay(read_image(frame.path), one.places, boxes))
     write_atomically(out / "boxes.json", (json.dumps(told, indent=1, ensure_ascii=False) + "\n").encode())
     run = provenance(asdict(detector.config), watch, detector.config.workers)
-    write_page(outcome, detector.config, out / "report.html", run)
+    title = f"{', '.join(asked.query)} against {asked.map}"
+    write_page(outcome, detector.config, out / "report.html", run, title, [boxes for _, boxes in found])
     if asked.json:
         return json.dumps(told, ensure_ascii=False)
     return f"{summary(told)}\n\nwritten to {out}: report.html to look at, boxes.json (COCO), overlays/"

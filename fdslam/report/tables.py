@@ -95,7 +95,9 @@ def _kept(outcome: Outcome) -> str:
     alone = {name: size for name, size in outcome.kept.items() if name not in compact}
     together = {f"{', '.join(compact)} together": max(outcome.kept[name] for name in compact)} if compact else {}
     sizes = ", ".join(f"{name} {size / 1024:.0f} KiB" for name, size in {**alone, **together}.items())
-    return f"{sizes}; no image" + (f", a grey JPEG of it would be {outcome.jpeg / 1024:.0f} KiB" if compact else "")
+    return f"{sizes}; no image" + (
+        f", a grey JPEG of it would be {outcome.jpeg / 1024:.0f} KiB" if outcome.jpeg else ""
+    )
 
 
 def by_pair(outcome: Outcome, config: Config) -> Grid:

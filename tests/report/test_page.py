@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from fdslam.boxes import Candidate
 from fdslam.config import Report
+from fdslam.errors import InputError
 from fdslam.fusion import percentiles
 from fdslam.provenance import Stopwatch, provenance
 from fdslam.report.data import table_json
@@ -255,9 +257,35 @@ def test_photos_without_any_truth(made, tmp_path):
     assert [one["id"] for one in data["queries"]] == [1, 2, 3, 4, 5, 6]
     assert all(one["truth"] is None and "score" not in one for one in data["queries"])
     assert all(told["right"] is None for one in data["queries"] for told in one["hypotheses"])
-    assert "No annotations" in parsed.with_id("accuracy")["text"]
-    assert "no recall is measured" in parsed.with_id("localisation")["text"]
+    assert "boxes" not in data["queries"][0]
+    ids = {one.get("id") for one in parsed.every("section")}
+    assert ids == {"gallery", "costs", "origin"}  # nothing is said of what nothing is known of
+    assert {one["href"] for one in parsed.every("a")} >= {"#gallery"}
+    assert not {one["href"] for one in parsed.every("a")} & {"#accuracy", "#localisation"}
     assert parsed.every("svg") == []
+
+
+def test_candidate_boxes_are_those_that_are_given(made, tmp_path):
+    config, outcome, _ = made
+    found = [tuple(Candidate(np.array([q, 2, 30.4, 40], np.float32), 1.0) for _ in range(q)) for q in range(6)]
+    data = data_of(Parsed(written(outcome, config, tmp_path, candidates=found)))
+    assert [one["boxes"] for one in data["queries"]] == [[[q, 2, 30, 40]] * q for q in range(6)]
+
+
+def test_a_map_image_that_is_gone_leaves_a_blank(made, tmp_path):
+    config, outcome, _ = made
+    gone = tuple(replace(frame, path=tmp_path / frame.path.name) for frame in outcome.dataset.map)
+    mine = replace(outcome, dataset=replace(outcome.dataset, map=gone))
+    data = data_of(Parsed(written(mine, config, tmp_path)))
+    for query in data["queries"]:
+        own, first = (
+            np.array(decoded(data["images"][key])) for key in (query["image"], query["hypotheses"][0]["image"])
+        )
+        assert own.std() > 20  # a picture full of corners
+        assert np.median(first) == 128
+    lost = replace(mine.dataset.query[0], path=tmp_path / "no.png")
+    with pytest.raises(InputError, match="no such image"):
+        written(replace(mine, dataset=replace(mine.dataset, query=(lost, *mine.dataset.query[1:]))), config, tmp_path)
 
 
 def test_several_pairs_of_sessions(made, tmp_path):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fdslam.boxes import Candidate
 from fdslam.config import Config
 from fdslam.modes import deviations
 from fdslam.pipeline import Outcome
@@ -17,7 +19,14 @@ from fdslam.store import write_atomically
 SCRIPTS = ("page.js", "overlays.js", "gallery.js", "why.js")
 
 
-def write_page(outcome: Outcome, config: Config, path: Path, run: dict[str, Any], title: str = "") -> None:
+def write_page(
+    outcome: Outcome,
+    config: Config,
+    path: Path,
+    run: dict[str, Any],
+    title: str = "",
+    candidates: Sequence[Sequence[Candidate]] | None = None,
+) -> None:
     """Write the page of a run, at most ``report.megabytes`` large: all images are in it, and it asks for nothing else.
 
     Args:
@@ -26,6 +35,7 @@ def write_page(outcome: Outcome, config: Config, path: Path, run: dict[str, Any]
         path: of the file.
         run: what ``run.json`` holds.
         title: above it; the data set and the methods if not said.
+        candidates: per query boxes of what may have changed, where they are known.
 
     Raises:
         InputError: an image of the data set cannot be read any more.
@@ -51,5 +61,5 @@ def write_page(outcome: Outcome, config: Config, path: Path, run: dict[str, Any]
     }
     nothing = {"all": 0, "queries": [], "images": {}, "annotated": False, "methods": [], "percents": []}
     rest = len(render("run.html.j2", SCRIPTS, gallery=nothing, **values)) + 4096  # and what is said of their number
-    shown = gallery(outcome, config, round(1e6 * config.report.megabytes) - rest)
+    shown = gallery(outcome, config, round(1e6 * config.report.megabytes) - rest, candidates)
     write_atomically(path, render("run.html.j2", SCRIPTS, gallery=shown, **values))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.boxes import Candidate
 from fdslam.config import Config
 from fdslam.fusion import competition_ranks, percentiles
 from fdslam.pipeline import Maps, Outcome
@@ -24,20 +25,23 @@ HIGHEST = 0.99  # quantile of a query's cells that says how much change a method
 BATCH = 32  # queries that are prepared before it is asked whether more fit
 
 
-def gallery(outcome: Outcome, config: Config, room: int) -> dict[str, Any]:
+def gallery(
+    outcome: Outcome, config: Config, room: int, candidates: Sequence[Sequence[Candidate]] | None = None
+) -> dict[str, Any]:
     """Return the queries, in the order of the path, and the images that they name.
 
     Args:
         outcome: of the run.
         config: of the run.
         room: bytes that all of it may take in the page.
+        candidates: per query boxes of what may have changed, to be drawn.
     """
     methods = [name for name in config.mix.rows if name in outcome.maps]
     last = methods[-1]
     places = percentiles(outcome.maps[last])
     order = by_turns(score_queries(outcome, places), len(outcome.dataset.query))
     # Without the heat maps more queries seem to fit than do: these are left out again when all is known.
-    chosen, images = _that_fit(order, Records(outcome, config), config, room)
+    chosen, images = _that_fit(order, Records(outcome, config, candidates), config, room)
     seen = {last: _seen(outcome, places, chosen)}
     for method in methods[:-1]:  # only what is shown is kept: the cells of all queries and methods fill GBs
         places = percentiles(outcome.maps[method])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.boxes import Candidate
 from fdslam.config import Config
 from fdslam.pipeline import Outcome
 from fdslam.report.page.images import LARGE, SMALL, image_key
@@ -32,6 +34,7 @@ class Records:
 
     outcome: Outcome
     config: Config
+    candidates: Sequence[Sequence[Candidate]] | None = None  # per query boxes of what may have changed
 
     @cached_property
     def parts(self) -> list[tuple[str, int]]:
@@ -74,6 +77,7 @@ class Records:
             "silent": len(found.library.xyxy) - len(found.boxes.xyxy),
             "lost": found.lost,
             "truth": self._truth(query),
+            **self._boxes(query),
             "hypotheses": [
                 {
                     "name": data.map[m].name,
@@ -85,6 +89,11 @@ class Records:
             ],
             "why": witnesses(found, hypotheses, data, start, self.config.fd.pooling),
         }
+
+    def _boxes(self, query: int) -> dict[str, list[list[int]]]:
+        if self.candidates is None:
+            return {}
+        return {"boxes": [np.rint(one.xyxy).astype(int).tolist() for one in self.candidates[query]]}
 
     def _truth(self, query: int) -> list[dict[str, Any]] | None:
         """Return the changed objects: their boxes, and per method the place in X of the smallest that finds each."""

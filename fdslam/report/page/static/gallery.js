@@ -1,7 +1,8 @@
 // The queries as cards, and what is shown of them: switches, order and filters.
 
 const cards = new Map(); // query -> its card; filled when it comes near the window
-const order = {sort: data.annotated ? "worst" : "path", pair: "", outcome: ""};
+const boxed = data.queries.some((query) => query.boxes);
+const order = {sort: data.annotated ? "worst" : boxed ? "highest" : "path", pair: "", outcome: ""};
 const list = document.getElementById("cards");
 let shown = data.queries;
 
@@ -28,7 +29,7 @@ function fill(query) {
   views.append(scene(query));
   if (query.hypotheses.length) {
     const top = make("figure", {class: "top"}, memory(query, 0));
-    top.append(make("figcaption", {}, `${query.hypotheses[0].name}, ${placeInWords(query, 0)}`));
+    top.append(make("figcaption", {}, query.hypotheses[0].name + placeInWords(query, 0)));
     top.hidden = !state.map;
     views.append(top);
   }
@@ -109,6 +110,7 @@ function controls() {
   );
   const boxes = group("Outlines of OBBs", ...sources.map(sourceTick));
   const more = group("Also", tick("map", "top map image", state.map, (on) => { state.map = on; }));
+  if (boxed) more.append(tick("boxes", "candidate boxes of change", state.boxes, (on) => { state.boxes = on; }));
   if (data.annotated) more.append(tick("truth", "true changes (dashed: missed)", state.truth, (on) => { state.truth = on; }));
   if (data.queries.some((query) => query.mask)) more.append(tick("mask", "mask", state.mask, (on) => { state.mask = on; }));
   const sorting = group(

@@ -9,6 +9,7 @@ const state = {
   sources: new Set(),
   mask: false,
   truth: true,
+  boxes: true,
   map: true,
   percent: data.percents.length - 1,
 };
@@ -30,7 +31,7 @@ function outcome(query) {
 }
 
 function inWords(query) {
-  if (query.truth === null) return "";
+  if (query.truth === null) return query.boxes ? count(query.boxes.length, "candidate box", "candidate boxes") : "";
   if (!query.truth.length) return "unchanged";
   const found = query.truth.filter(isFound).length;
   const objects = count(query.truth.length, "changed object", "changed objects");
@@ -56,6 +57,7 @@ function scene(query) {
   for (const [source, {path}] of Object.entries(query.obbs)) {
     lines.append(draw("path", {d: path, class: `obb source-${sources.indexOf(source) % 6}`, "data-source": source}));
   }
+  lines.append(draw("path", {class: "candidate"}));
   lines.append(draw("path", {class: "truth missed"}), draw("path", {class: "truth found"}));
   box.append(lines);
   refresh(box, query);
@@ -81,6 +83,9 @@ function refresh(box, query) {
   box.querySelector(".truth.missed").setAttribute("d", drawn(false));
   box.querySelector(".truth.found").setAttribute("d", drawn(true));
   if (truth.length) said.push(inWords(query));
+  const boxes = state.boxes ? query.boxes ?? [] : [];
+  box.querySelector(".candidate").setAttribute("d", boxes.map(outline).join(""));
+  if (boxes.length) said.push(count(boxes.length, "candidate box", "candidate boxes"));
   box.querySelector(".lines").setAttribute("aria-label", said.join("; ") || "No outlines");
 }
 
@@ -91,5 +96,5 @@ function memory(query, place) {
 
 function placeInWords(query, place) {
   const {right} = query.hypotheses[place];
-  return right === null ? "place not known" : right ? "right place" : "wrong place";
+  return right === null ? "" : right ? ", right place" : ", wrong place";
 }

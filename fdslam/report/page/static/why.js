@@ -67,7 +67,7 @@ function strongList(query) {
   const items = query.hypotheses.map((one, y) => {
     const sum = data.predicted ? `, relevance ${one.relevance}` : "";
     return make("li", {class: one.right === false ? "wrong" : one.right ? "right" : ""}, memory(query, y),
-      make("p", {}, make("b", {}, `m${y + 1} `), `${one.name}: ${placeInWords(query, y)}${sum}`));
+      make("p", {}, make("b", {}, `m${y + 1} `), `${one.name}${placeInWords(query, y)}${sum}`));
   });
   return make("ol", {class: "strong"}, ...items);
 }
