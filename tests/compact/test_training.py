@@ -1,7 +1,6 @@
 """Early fusion, trained on a small walk. A first training is the oracle of every other."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from fdslam.compact.gradients import Gradients
 from fdslam.compact.grid import cell_means
 from fdslam.compact.shipped import file_name, shipped_trees
 from fdslam.compact.training import NEITHER, PSEUDO, TREES, chosen, fit, lacking, made_up, pseudo_keys, pseudo_rows
-from fdslam.compact.trees import LEAF
 from fdslam.config import Compact, Config, Early, Evaluation, Fd, Training
 from fdslam.context import Context
 from fdslam.data import load_datasets
@@ -256,26 +254,6 @@ def test_cells_of_one_label_teach_nothing():
     assert same(fit(rows, label, few, 0), fit(rows, label, few, 0))
     with pytest.raises(InputError, match="too few"):
         fit(np.zeros((0, len(NAMES)), np.float32), label[:0], few, 0)
-
-
-def test_a_leaf_is_learned_from_as_many_cells_as_is_asked():
-    """The oracle is where each row ends up, tree by tree: a leaf that few rows reach says what only they are like."""
-    rng = np.random.default_rng(0)
-    rows = rng.normal(size=(3000, len(NAMES))).astype(np.float32)
-    label = (rng.random(3000) < 0.05).astype(np.uint8)
-    largest = {}
-    for leaf, l2 in ((60, 0.0), (5, 0.0), (5, 50.0)):
-        trees = fit(rows, label, Training(trees=10, leaf=leaf, l2=l2), 0)
-        for begin, end in pairwise([*trees.roots, len(trees.feature)]):
-            reached = np.full(len(rows), begin)
-            while (inner := np.flatnonzero(trees.feature[reached] != LEAF)).size:
-                at = reached[inner]
-                left = rows[inner, trees.feature[at]] <= trees.threshold[at]
-                reached[inner] = np.where(left, trees.left[at], trees.right[at])
-            held = np.bincount(reached - begin, minlength=end - begin)[trees.feature[begin:end] == LEAF]
-            assert held.min() >= leaf
-        largest[leaf, l2] = np.abs(trees.value[trees.feature == LEAF]).max()
-    assert max(largest[60, 0.0], largest[5, 50.0]) < largest[5, 0.0] / 2
 
 
 def test_a_map_of_one_image_cannot_be_trained_on(world, tmp_path):

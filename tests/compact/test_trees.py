@@ -1,11 +1,16 @@
 """Oracle: scikit-learn's decision function, and its trees walked node by node."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from sklearn.ensemble import HistGradientBoostingClassifier
 
 from fdslam.compact import trees as module
-from fdslam.compact.trees import Trees
+from fdslam.compact.features import NAMES
+from fdslam.compact.training import fit
+from fdslam.compact.trees import LEAF, Trees
+from fdslam.config import Training
 from fdslam.store import Stage, Store
 from tests.reference.compact import log_odds
 
@@ -82,3 +87,23 @@ def test_storage_keeps_every_bit(tmp_path):
 
 def test_no_rows():
     assert Trees.of(trained(0)[0]).log_odds(np.zeros((0, 9))).shape == (0,)
+
+
+def test_a_leaf_is_learned_from_as_many_cells_as_is_asked():
+    """The oracle is where each row ends up, tree by tree: a leaf that few rows reach says what only they are like."""
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(3000, len(NAMES))).astype(np.float32)
+    label = (rng.random(3000) < 0.05).astype(np.uint8)
+    largest = {}
+    for leaf, l2 in ((60, 0.0), (5, 0.0), (5, 50.0)):
+        trees = fit(rows, label, Training(trees=10, leaf=leaf, l2=l2), 0)
+        for begin, end in pairwise([*trees.roots, len(trees.feature)]):
+            reached = np.full(len(rows), begin)
+            while (inner := np.flatnonzero(trees.feature[reached] != LEAF)).size:
+                at = reached[inner]
+                left = rows[inner, trees.feature[at]] <= trees.threshold[at]
+                reached[inner] = np.where(left, trees.left[at], trees.right[at])
+            held = np.bincount(reached - begin, minlength=end - begin)[trees.feature[begin:end] == LEAF]
+            assert held.min() >= leaf
+        largest[leaf, l2] = np.abs(trees.value[trees.feature == LEAF]).max()
+    assert max(largest[60, 0.0], largest[5, 50.0]) < largest[5, 0.0] / 2
