@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fdslam import mapping
+from fdslam import keypoints, mapping
 from fdslam.bow.vocabulary import NO_WORD
 from fdslam.config import Bow, Obb
 from fdslam.mapping import BowMap
@@ -27,8 +27,9 @@ class Scenes:
 
     def __init__(self, monkeypatch, tmp_path):
         self.features, self.tmp_path = {}, tmp_path
-        monkeypatch.setattr(mapping, "extract", lambda image, config: self.features[int(image[0, 0, 0])])
-        monkeypatch.setattr(mapping, "read_image", lambda path: self.image(int(path.name)))
+        for module in (mapping, keypoints):
+            monkeypatch.setattr(module, "extract", lambda image, config: self.features[int(image[0, 0, 0])])
+        monkeypatch.setattr(keypoints, "read_image", lambda path: self.image(int(path.name)))
 
     def image(self, number):
         return np.full((HEIGHT, WIDTH, 3), number, np.uint8)
