@@ -29,7 +29,7 @@ ONLY_READ = {
         "make bench",
         "python -m experiments.speed.localization --json localization.json",
         "python -m experiments.speed.comparison",
-        "python -m experiments.speed.query --threads 2 --memory 300",
+        "python -m experiments.speed.query --threads 2 --memory 1000",
         f"python -m experiments.speed.compact {_D}/camvid_generic {_COMPACT}",
         "python -m experiments.speed.bing",
         "python -m experiments.speed.growth --plot growth.png",
