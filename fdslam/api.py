@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from fdslam.compose import configured
 from fdslam.config import Config
+from fdslam.data.images import is_file
 from fdslam.data.live import frames_of
 from fdslam.detection import Detection, detections
 from fdslam.detectors.registry import DETECTORS
@@ -33,7 +34,8 @@ from fdslam.progress import silence, single_threaded_inside
 from fdslam.provenance import Stopwatch
 from fdslam.queries import Located, context_of, locate, see
 from fdslam.saved import ARTEFACTS, ROW, Manifest, new_folder, read_manifest
-from fdslam.store import Store
+from fdslam.settings import as_words, check_live
+from fdslam.store import Store, sha256_file
 from fdslam.types import Dataset, Frame
 
 log = logging.getLogger(__name__)
@@ -72,7 +74,8 @@ class ChangeDetector:
             mode: ``paper``, ``tuned``, ``raw`` or ``best`` (docs/modes.md).
             detectors: a row of the table, e.g. ``"FD"`` or ``"FD+AD+PC"``; without one the mode's: FD for ``paper`` and
                 ``tuned``, CC for ``raw``, FD+CC+EF for ``best``.
-            settings: any other keys as on the command line, e.g. ``["obb=j_b", "obb.yolo.weights=yolox_nano.onnx"]``.
+            settings: any other keys as on the command line, e.g. ``["obb=j_b", "obb.yolo.weights=yolox_nano.onnx"]``;
+                what a live image has not, as labels, is none.
             store: a folder that keeps what is computed of maps, so that fitting the same images again takes no time;
                 without one a temporary folder does, which goes with the object.
             verbose: show progress on standard error.
@@ -81,15 +84,16 @@ class ChangeDetector:
             InputError: an unknown mode, detector or key, or a model that is missing or damaged.
         """
         self.row = detectors or ROWS.get(mode, "FD")
-        self._words = {"mode": mode} | dict(_split(word) for word in settings)
-        self._temporary = tempfile.TemporaryDirectory(prefix="fdslam-") if store is None else None
-        self._store: Store = Store(self._temporary.name if self._temporary else os.path.expanduser(store or ""))
+        self._words = {"mode": mode} | as_words(settings)
         self._verbose = verbose
         words = [f"{key}={value}" for key, value in self._words.items()]
         rows = ",".join(f"'{row}'" for row in dict.fromkeys((*self.row.split("+"), self.row)))
         # The data set is never read.
         self.config: Config = configured(["dataset=folder", "dataset.root=.", f"mix.rows=[{rows}]", *words])
+        check_live(self.config)
         self._models = load_models(self.config)
+        self._temporary = None if store else tempfile.TemporaryDirectory(prefix="fdslam-")
+        self._store: Store = Store(self._temporary.name if self._temporary else os.path.expanduser(store or ""))
         if notice := out_of_their_world(self.config):
             log.warning(notice)
         self._lock = threading.Lock()  # of fit and update
@@ -115,17 +119,19 @@ class ChangeDetector:
         """
         with self._working() as folder, self._lock:
             frames = frames_of(images, folder)
-            self._map = self._fitted(frames, _poses(poses, len(frames)))
+            self._replace(self._fitted(frames, _poses(poses, len(frames))))
         return self
 
     def update(self, images: Any, poses: ArrayLike | None = None) -> ChangeDetector:
         """Append images to the map; arguments as ``fit``. The result is that of a fit on all images.
 
         FD and PC look at the new images alone. Other detectors learn from all map images, so those of ``fit`` must
-        still be where they were: images that came from memory are not kept.
+        still be where they were, and as they were: images that came from memory are not kept. A folder that the map
+        was loaded from stays as it is.
 
         Raises:
-            InputError: as ``fit``, or a map image that is needed again and is gone. The map then stays as it was.
+            InputError: as ``fit``, or a map image that is needed again and is gone or another. The map then stays as
+                it was.
         """
         with self._working() as folder, self._lock:
             old = self._fitted_map().dataset
@@ -134,7 +140,7 @@ class ChangeDetector:
             more = _poses(poses, len(frames) - len(old.map))
             if (old.poses is None) != (more is None):
                 raise InputError("update: give poses for all map images, or for none")
-            self._map = self._fitted(frames, None if more is None else np.concatenate([old.poses, more]))
+            self._replace(self._fitted(frames, None if more is None else np.concatenate([old.poses, more])))
         return self
 
     def detect(self, image: Any) -> Detection:
@@ -202,9 +208,10 @@ class ChangeDetector:
         """
         root = Path(folder).expanduser()
         saved = read_manifest(root)
-        words = saved.words | dict(_split(word) for word in settings)
+        words = saved.words | as_words(settings)
         mode, row = words.pop("mode"), words.pop(ROW)
-        made = cls(mode, row, [f"{key}={value}" for key, value in words.items()], root / ARTEFACTS, verbose)
+        made = cls(mode, row, [f"{key}={value}" for key, value in words.items()], verbose=verbose)
+        made._store = Layered(Store(root / ARTEFACTS), made._store)  # an update leaves the folder as it is
         sealed = Sealed(root / ARTEFACTS)
         data = saved.dataset()
         bow = BowMap(data.map, made.config.bow, made._models.library, sealed, made.config.workers)
@@ -230,6 +237,14 @@ class ChangeDetector:
             raise InputError("there is no map yet; call fit(images) or ChangeDetector.load(folder) first")
         return self._map
 
+    def _replace(self, fitted: _Map) -> None:
+        old, self._map = self._map, fitted
+        if old is None or self._temporary is None or old.bow.file == fitted.bow.file:
+            return
+        # Each map is a file, and nobody reads this one again: who still looks at it has it in memory.
+        if old.bow.file.is_relative_to(self._temporary.name):
+            old.bow.file.unlink(missing_ok=True)
+
     def _fitted(self, frames: tuple[Frame, ...], poses: np.ndarray | None) -> _Map:
         if self.config.ad.places == "pose" and poses is None and "AD" in self.config.mix.detectors:
             raise InputError("ad=pose: give fit the poses of the map images, or choose ad=appearance or ad=time")
@@ -251,25 +266,24 @@ class ChangeDetector:
 
     def _check_kept(self, frames: Sequence[Frame]) -> None:
         again = [name for name in self.config.mix.detectors if name not in GROWING]
-        gone = [frame.name for frame in frames if not frame.path.is_file()] if again else []
-        if gone:
-            raise InputError(
-                f"update: {', '.join(again)} learn from all map images, and {len(gone)} are gone, the first {gone[0]}; "
-                "fit all images again, or detect with FD or PC, which look at each once"
-            )
-
-
-def _split(word: str) -> tuple[str, str]:
-    key, equals, value = word.partition("=")
-    if not equals:
-        raise InputError(f"settings: {word!r} is not KEY=VALUE")
-    return key.strip(), value
+        looked = frames if again else ()
+        gone = [frame.name for frame in looked if not is_file(frame.path)]
+        other = [] if gone else [frame.name for frame in looked if sha256_file(frame.path) != frame.digest]
+        for names, what in ((gone, "gone"), (other, "others than they were")):
+            if names:
+                raise InputError(
+                    f"update: {', '.join(again)} learn from all map images, and {len(names)} are {what}, the first "
+                    f"{names[0]}; fit all images again, or detect with FD or PC, which look at each once"
+                )
 
 
 def _poses(poses: ArrayLike | None, count: int) -> np.ndarray | None:
     if poses is None:
         return None
-    found = np.asarray(poses, np.float64)
+    try:
+        found = np.asarray(poses, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"poses: no array of numbers ({error}); give [{count}, 3]: x, y, heading") from error
     if found.shape != (count, 3) or not np.isfinite(found).all():
         raise InputError(
             f"poses: an array of shape {found.shape}; finite numbers [{count}, 3] are needed: x, y, heading"

@@ -14,7 +14,7 @@ from fdslam.types import CELL
 FEWEST = 4  # cells: fewer are a speck of 10 × 20 pixels at most
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays are neither equal nor unequal
 class Candidate:
     """A part of an image that may have changed."""
 
@@ -31,7 +31,8 @@ def candidates(
 
     Args:
         places: float32 [rows, columns], each cell's place in its pool, 0 … 1, as ``fusion.percentiles`` gives it. Where
-            the pool is many images an unchanged one may have no candidate; where it is one image there is always one.
+            the pool is many images an unchanged one may have no candidate; where it is one image some cells always
+            stand highest, changed or not.
         height: of the image, pixels.
         width: of the image, pixels.
         share: percent of the pool's cells that count as high (the paper's X).

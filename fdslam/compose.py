@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 
 import hydra
+from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
@@ -30,14 +33,34 @@ FOLDERS = (
 )  # keys whose values are folders or files
 
 
+_composing = threading.Lock()  # Hydra has one state for the whole program
+
+
+@contextmanager
+def _hydra() -> Iterator[None]:
+    """Use Hydra with our configuration; a program that is itself run by Hydra has its own back afterwards."""
+    with _composing:
+        theirs = GlobalHydra.instance().hydra
+        GlobalHydra.instance().clear()
+        try:
+            register()
+            with hydra.initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
+                yield
+        finally:
+            GlobalHydra.instance().clear()
+            if theirs is not None:
+                GlobalHydra.instance().initialize(theirs)
+
+
 def configured(words: Sequence[str]) -> Config:
     """Return the configuration that words of the command line name, e.g. ``["mode=best", "obb=j_b"]``.
+
+    Threads, and programs that are run by Hydra themselves, may call it.
 
     Raises:
         InputError: a word that is not understood, or one that the mode overrules.
     """
-    register()
-    with hydra.initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
+    with _hydra():
         try:
             config = to_config(hydra.compose("config", quote_paths(list(words))))
         except (HydraException, OmegaConfBaseException) as error:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import tempfile
 import time
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -76,7 +78,7 @@ def check(asked: argparse.Namespace) -> None:
     """Find in the first second what is wrong with the words."""
     if not 0 < asked.share <= 100:
         raise InputError(f"--share {asked.share}: percent of the cells, above 0 and at most 100")
-    if asked.top < 0 or asked.every < 0:
+    if asked.top < 0 or not asked.every >= 0:  # nor NaN
         raise InputError("--top and --every: 0 or more")
     if not asked.query and asked.save is None:
         raise InputError("no QUERY given: name images, folders or videos, or --save DIR to build the map alone")
@@ -85,6 +87,16 @@ def check(asked: argparse.Namespace) -> None:
     for query in map(Path, asked.query):
         if not query.exists():
             raise InputError(f"{query}: no such image, folder or video")
+    for option in ("out", "store", "save"):
+        folder = getattr(asked, option)
+        if folder is not None and not _can_be_written(folder.parent if option == "save" else folder):
+            raise InputError(f"--{option} {folder}: cannot be written; choose another folder")
+
+
+def _can_be_written(folder: Path) -> bool:
+    """Tell whether files can be made in a folder or, where there is none, the folder itself."""
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    return there.is_dir() and os.access(there, os.W_OK | os.X_OK)
 
 
 def frames_in(queries: Sequence[str], every: float, folder: Path) -> Iterator[Frame]:
@@ -149,6 +161,7 @@ def _found(
     from fdslam.report.findings import findings
     from fdslam.report.overlay import overlay
     from fdslam.report.page import write_page
+    from fdslam.saved import as_utf8
 
     outcome = detector.outcome(frames, Store(asked.store), watch)
     outcome = replace(outcome, dataset=replace(outcome.dataset, name=asked.map.name))
@@ -162,24 +175,23 @@ def _found(
         drawn = list(zip(frames, found, names, strict=True))
         for frame, (one, boxes), name in progress(drawn, len(drawn), "pictures"):
             write_atomically(out / "overlays" / name, overlay(read_image(frame.path), one.places, boxes))
-    write_atomically(out / "boxes.json", (json.dumps(told, indent=1, ensure_ascii=False) + "\n").encode())
+    write_atomically(out / "boxes.json", as_utf8(told))
     run = provenance(asdict(detector.config), watch, detector.config.workers)
     title = f"{', '.join(asked.query)} against {asked.map}"
     write_page(outcome, detector.config, out / "report.html", run, title, [boxes for _, boxes in found])
     if asked.json:
-        return json.dumps(told, ensure_ascii=False)
+        return json.dumps(told)  # in ASCII, which any terminal and any script takes
     return f"{summary(told)}\n\nwritten to {out}: report.html to look at, boxes.json (COCO), overlays/"
 
 
 def picture_names(names: Sequence[str]) -> list[str]:
     """Return a file name for each image's picture: its own, with a number where several are called so."""
-    taken: dict[str, int] = {}
-    found = []
+    found: dict[str, None] = {}  # in their order
     for name in names:
         stem = Path(name).stem if "@" not in name else Path(name).name.replace("@", "_")
-        taken[stem] = taken.get(stem, 0) + 1
-        found.append(f"{stem}.jpg" if taken[stem] == 1 else f"{stem}-{taken[stem]}.jpg")
-    return found
+        free = (f"{stem}-{number}.jpg" for number in count(2))
+        found[next(one for one in chain([f"{stem}.jpg"], free) if one not in found)] = None
+    return list(found)
 
 
 def summary(told: dict[str, Any]) -> str:
@@ -190,8 +202,31 @@ def summary(told: dict[str, Any]) -> str:
     for image in told["images"]:
         scores = [one["score"] for one in told["annotations"] if one["image_id"] == image["id"]]
         place = "lost" if image["lost"] or not image["hypotheses"] else image["hypotheses"][0]["image"]
-        lines.append([image["file_name"], place, str(len(scores)), f"{max(scores):.1f}" if scores else "–"])
+        lines.append(
+            [
+                _on_one_line(image["file_name"]),
+                _on_one_line(place),
+                str(len(scores)),
+                f"{max(scores):.1f}" if scores else "–",
+            ]
+        )
     return "\n".join(aligned(lines, (0,)))
+
+
+def _on_one_line(name: str) -> str:
+    """Return a name with what would break a line, steer a terminal or is no Unicode escaped."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in name)
+
+
+def _print(text: str) -> None:
+    """Print, escaping what the terminal cannot show; a reader that has gone has read what it wanted."""
+    if sys.stdout is None:  # closed from the start
+        return
+    encoding = sys.stdout.encoding or "utf-8"
+    try:
+        print(text.encode(encoding, "backslashreplace").decode(encoding), flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -202,9 +237,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with silence(asked.quiet):
             printed = detect(asked)
         if printed:
-            print(printed)
+            _print(printed)
     except InputError as error:
-        print(f"fdslam: {error}", file=sys.stderr)
+        line = str(error).replace("store=…, hydra.run.dir=…", "--store, --out")  # what they are called here
+        print(f"fdslam: {line}", file=sys.stderr)
+        return USAGE_ERROR
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename else ""
+        print(f"fdslam: {name}{error.strerror or error}; choose other folders with --store and --out", file=sys.stderr)
         return USAGE_ERROR
     except KeyboardInterrupt:
         print("fdslam: interrupted; what is finished is kept, run again to go on", file=sys.stderr)

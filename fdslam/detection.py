@@ -23,7 +23,7 @@ class Hypothesis:
     relevance: float  # Σ_j 1 / r_j over the weak lists, by which the strong list is sorted
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays are neither equal nor unequal
 class Detection:
     """What one image tells."""
 

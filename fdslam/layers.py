@@ -65,6 +65,10 @@ class Copying(Store):
         super().__init__(source.root)
         self._source, self._copy = source, copy
 
+    def path(self, stage: Stage, key: Key) -> Path:
+        """Return where the artefact lies in the source."""
+        return self._source.path(stage, key)
+
     def get(self, stage: Stage, key: Key) -> Arrays | None:
         """Return the arrays of an artefact, or None, and leave a copy."""
         arrays = self._source.get(stage, key)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ from fdslam.compact.shipped import shipped_trees
 from fdslam.compact.source import Source
 from fdslam.compact.sources import load_source
 from fdslam.config import Config
+from fdslam.errors import InputError
 from fdslam.mask import segmentation
 from fdslam.obb import Library, parse_library
 
@@ -57,12 +59,26 @@ def out_of_their_world(config: Config) -> str:
     )
 
 
+def check_device(device: str) -> None:
+    """Raise InputError if torch cannot run there."""
+    if not re.fullmatch(r"cpu|cuda(:\d+)?", device):
+        raise InputError(f"device={device}: choose cpu or cuda")
+    if device != "cpu":
+        import torch  # takes seconds, so only where it is asked for
+
+        count = torch.cuda.device_count() if torch.cuda.is_available() else 0
+        if int(device.partition(":")[2] or 0) >= count:
+            raise InputError(f"device={device}: torch finds {count} CUDA devices here; run with device=cpu")
+
+
 def load_models(config: Config) -> Models:
     """Return the models that a configuration names.
 
     Raises:
-        InputError: an unknown source of OBBs, or a model that is missing, damaged or not understood.
+        InputError: an unknown source of OBBs, a device that is not there, or a model that is missing, damaged or not
+            understood.
     """
+    check_device(config.device)
     if "EF" in config.mix.detectors and config.early.model == "shipped":
         shipped_trees(config)  # what is wrong with it is told now
     looks = load_source(config) if config.mix.compact else None

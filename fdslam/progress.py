@@ -51,30 +51,53 @@ def single_threaded() -> None:
 
 _guests = 0  # of ``single_threaded_inside``
 _guest_lock = threading.Lock()
-_before: list[Callable[[], object]] = []  # sets again what was set before the first guest
+_before: list[Callable[[], object]] = []  # sets again what was set for the whole program before the first guest
+
+
+def _limit_program() -> None:
+    blas = _libraries(len(sys.modules)).select(user_api="blas")
+    _before[:] = [partial(cv2.setNumThreads, cv2.getNumThreads()), blas.limit(limits=1).restore_original_limits]
+    cv2.setNumThreads(1)
+
+
+def _undo() -> None:
+    for undo in _before:
+        undo()
+
+
+def _by_a_passing_thread(work: Callable[[], None]) -> None:
+    """Do what counts for the whole program: a thread that sets OpenBLAS keeps others from it for as long as it lives.
+
+    The last to leave is seldom the first who came.
+    """
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
 
 
 @contextmanager
 def single_threaded_inside() -> Iterator[None]:
     """As ``single_threaded``, as long as anyone is inside: a program that uses fdslam has its own settings back."""
     global _guests
+    torch = sys.modules.get("torch")
+    own = None if torch is None else torch.get_num_threads()
+    openmp = _libraries(len(sys.modules)).select(user_api="openmp").limit(limits=1)  # it counts for each thread alone
+    if torch is not None:
+        torch.set_num_threads(1)
     with _guest_lock:
         if not _guests:
-            _before[:] = [partial(cv2.setNumThreads, cv2.getNumThreads())]
-            if "torch" in sys.modules:
-                torch = sys.modules["torch"]
-                _before.append(partial(torch.set_num_threads, torch.get_num_threads()))
-            _before.append(_libraries(len(sys.modules)).limit(limits=1).restore_original_limits)
+            _by_a_passing_thread(_limit_program)
         _guests += 1
-    single_threaded()  # OpenMP counts for each thread by itself
     try:
         yield
     finally:
         with _guest_lock:
             _guests -= 1
             if not _guests:
-                for undo in _before:
-                    undo()
+                _by_a_passing_thread(_undo)
+        openmp.restore_original_limits()
+        if torch is not None:
+            torch.set_num_threads(own)
 
 
 def worker_count(workers: int) -> int:

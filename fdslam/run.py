@@ -7,7 +7,6 @@ the table. Whatever the user can mend ends in one line on standard error and exi
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import sys
 import warnings
@@ -55,14 +54,6 @@ def check_surroundings(config: Config) -> Models:
         raise InputError(
             f"mask=labels: dataset={config.dataset.kind} has no label images; run with mask=deeplabv3plus or mask=none"
         )
-    if not re.fullmatch(r"cpu|cuda(:\d+)?", config.device):
-        raise InputError(f"device={config.device}: choose cpu or cuda")
-    if config.device != "cpu":
-        import torch  # takes seconds, so only where it is asked for
-
-        count = torch.cuda.device_count() if torch.cuda.is_available() else 0
-        if int(config.device.partition(":")[2] or 0) >= count:
-            raise InputError(f"device={config.device}: torch finds {count} CUDA devices here; run with device=cpu")
     check_tracker(config.tracker)
     models = load_models(config)
     if notice := out_of_their_world(config):

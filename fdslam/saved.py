@@ -51,13 +51,18 @@ class Manifest:
             "images": frames,
             "poses": self.poses,
         }
-        write_atomically(folder / MANIFEST, (json.dumps(told, indent=1, ensure_ascii=False) + "\n").encode())
+        write_atomically(folder / MANIFEST, as_utf8(told))
 
     def dataset(self) -> Dataset:
         """Return the map as a data set without queries."""
         times = np.arange(len(self.frames), dtype=np.float64)
         poses = None if self.poses is None else np.array(self.poses, np.float64)
         return Dataset("live", self.frames, (), None, None, None, poses, times)
+
+
+def as_utf8(told: Any) -> bytes:
+    """Return a value as JSON; what is no Unicode in the name of a file is escaped, and read again as it was."""
+    return (json.dumps(told, indent=1, ensure_ascii=False) + "\n").encode(errors="backslashreplace")
 
 
 def is_saved(folder: Path) -> bool:
@@ -83,7 +88,10 @@ def read_manifest(folder: Path) -> Manifest:
         )
         if not frames or not {"mode", ROW} <= words.keys():
             raise ValueError("no images, no mode or no detectors")
-        return Manifest(words, frames, told["poses"])
+        poses = told["poses"]
+        if poses is not None and np.array(poses, np.float64).shape != (len(frames), 3):
+            raise ValueError("not a pose for each image")
+        return Manifest(words, frames, poses)
     except FileNotFoundError:
         raise InputError(
             f"{folder}: no saved map ({MANIFEST} is not there); save one with ChangeDetector.save"
@@ -97,10 +105,12 @@ def new_folder(folder: Path) -> Iterator[Path]:
     """Give an empty folder that takes the place of ``folder`` when all is written; after an error nothing has changed.
 
     Raises:
-        InputError: there is something else than a saved map, or the disk refuses.
+        InputError: there is something else than a saved map, or beside it, or the disk refuses.
     """
     if folder.exists() and not is_saved(folder) and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder}: is there and no saved map; choose a new folder")
+    if is_saved(folder) and (other := {path.name for path in folder.iterdir()} - {MANIFEST, ARTEFACTS}):
+        raise InputError(f"{folder}: holds {min(other)} beside the saved map; move that away or choose a new folder")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         made = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
@@ -108,12 +118,13 @@ def new_folder(folder: Path) -> Iterator[Path]:
             inner = made / "map"
             inner.mkdir()
             yield inner
-            if folder.exists():
-                folder.rename(made / "old")
             try:
+                if folder.exists():
+                    folder.rename(made / "old")
                 inner.rename(folder)
-            except OSError:
-                (made / "old").rename(folder)
+            except BaseException:  # an interruption as well: what is in ``made`` goes
+                if (made / "old").exists() and not folder.exists():
+                    (made / "old").rename(folder)
                 raise
         finally:
             shutil.rmtree(made, ignore_errors=True)

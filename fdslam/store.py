@@ -17,6 +17,7 @@ import logging
 import os
 import tempfile
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -164,7 +165,8 @@ class Store:
             arrays, expected = {}, None
         if expected != _checksum(arrays):
             log.warning("%s is damaged: it is made again", path)
-            path.unlink(missing_ok=True)
+            with suppress(OSError):  # a folder that is only read
+                path.unlink(missing_ok=True)
             return None
         return arrays
 

@@ -1,7 +1,12 @@
 """The command for one's own photos, as a user calls it. What the library says of the same images is the oracle."""
 
 import json
+import os
 import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,6 +16,7 @@ from PIL import Image
 from fdslam import ChangeDetector
 from fdslam.data.annotations import read_annotations
 from fdslam.data.images import read_image
+from fdslam.data.video import video_frames
 from fdslam.detect import main, picture_names
 from tests.compact.walks import walk
 from tests.test_api import SETTINGS
@@ -145,7 +151,7 @@ def test_pictures_of_images_with_one_name_have_two():
         (["--map", "MAP", "VIDEO"], "cannot be read as a video"),
         (["--map", "EMPTY", "QUERY"], "holds no image"),
         (["--map", "MAP", "EMPTY"], "holds no image"),
-        (["--map", "MAP", "QUERY", "--out", "TEXT/out"], "cannot write"),
+        (["--map", "MAP", "QUERY", "--out", "TEXT/out"], "TEXT/out: cannot be written".replace("TEXT", "text.png")),
         (["--map", "MAP", "QUERY", "--save", "MAP"], "is there and no saved map; choose a new folder"),
     ],
 )
@@ -194,3 +200,61 @@ def test_the_overlay_shows_the_image_where_nothing_has_changed():
     drawn = cv2.imdecode(np.frombuffer(overlay(image, places, ()), np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
     assert np.abs(drawn[30:, 40:].astype(int) - 90).max() < 12
     assert (drawn[13:17, 23:27].mean(axis=(0, 1)) > [180, 180, 100]).all()  # the bright end of the scale
+
+
+def test_each_picture_has_a_name_of_its_own():
+    assert picture_names(["a/1.png", "b/1.png", "c/1-2.png", "d/1.png"]) == ["1.jpg", "1-2.jpg", "1-2-2.jpg", "1-3.jpg"]
+
+
+def test_names_that_are_no_unicode_or_break_lines_are_written_escaped(world, store, tmp_path, capsys):
+    folder = tmp_path / "odd"
+    folder.mkdir()
+    for name in (b"\xff\xfe.png", b"two\nlines.png"):
+        shutil.copy(world / "query" / "1.png", os.fsencode(folder) + b"/" + name)
+    words = ["--map", str(folder), "--store", str(store), *WORDS, "--detectors", "FD", str(folder)]
+    assert main([*words, "--out", str(tmp_path / "out"), "--save", str(tmp_path / "saved")]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    names = {str(folder / os.fsdecode(b"\xff\xfe.png")), str(folder / "two\nlines.png")}
+    assert any(line.startswith(f"{folder}/two\\nlines.png  ") for line in printed)
+    assert any(line.startswith(f"{folder}/\\udcff\\udcfe.png  ") for line in printed)
+    told = json.loads((tmp_path / "out" / "boxes.json").read_text(encoding="utf-8"))
+    assert {image["file_name"] for image in told["images"]} == names
+    assert len(ChangeDetector.load(tmp_path / "saved")) == 2
+
+
+SAYS = "import sys, fdslam.detect as d; d.detect = lambda asked: 'found'; sys.exit(d.main(['--map', '.', '.']))"
+
+
+def test_a_reader_that_goes_away_and_a_full_disk_leave_no_traceback():
+    def ended(stdout):
+        command = [sys.executable, "-c", SAYS]
+        return subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False)
+
+    reader, writer = os.pipe()
+    os.close(reader)
+    gone = ended(writer)
+    os.close(writer)
+    assert (gone.returncode, gone.stderr) == (0, "")
+    with open("/dev/full", "wb") as disk:
+        full = ended(disk)
+    assert full.returncode == 2
+    assert full.stderr.startswith("fdslam: No space left on device; ")
+    assert full.stderr.count("\n") == 1
+
+
+def test_what_cannot_be_written_is_said_before_anything_is_made(world, tmp_path, capsys):
+    file = tmp_path / "file"
+    file.touch()
+    for option in ("--out", "--store", "--save"):
+        words = ["--map", str(world / "map"), str(world / "query"), option, str(file / "inside")]
+        begun = time.monotonic()
+        assert main(words) == 2
+        assert time.monotonic() - begun < 1
+        assert f"{option} {file / 'inside'}: cannot be written; choose another folder" in capsys.readouterr().err
+
+
+def test_a_video_may_have_any_name(world, tmp_path, monkeypatch):
+    shutil.copy(world / "walk.avi", tmp_path / "at 12:30 %d.avi")
+    monkeypatch.chdir(tmp_path)
+    frames = list(video_frames(Path("at 12:30 %d.avi"), 2.0, tmp_path))
+    assert [frame.name for frame in frames] == ["at 12:30 %d.avi@0.00s", "at 12:30 %d.avi@2.00s"]

@@ -1,3 +1,4 @@
+import subprocess
 import sys
 import threading
 import time
@@ -80,3 +81,50 @@ def test_every_worker_limits_the_libraries_and_finds_new_ones(monkeypatch):
 def test_workers_default_to_the_cores():
     assert worker_count(3) == 3
     assert worker_count(0) >= 1
+
+
+KEEPS = """
+import threading
+import cv2, numpy, torch
+from threadpoolctl import ThreadpoolController
+from fdslam.progress import single_threaded_inside
+
+def settings():
+    blas = {one["num_threads"] for one in ThreadpoolController().select(user_api="blas").info()}
+    return torch.get_num_threads(), cv2.getNumThreads(), blas
+
+def guest(entered, wait_for, left):
+    torch.set_num_threads(3)
+    with single_threaded_inside():
+        entered.set()
+        wait_for.wait()
+        inside.append(settings())
+    after.append(torch.get_num_threads())
+    left.set()
+
+inside, after = [], []
+cv2.setNumThreads(2)
+setter = threading.Thread(target=lambda: ThreadpoolController().select(user_api="blas").limit(limits=2))
+setter.start()
+setter.join()
+before = settings()
+with single_threaded_inside():
+    assert settings() == (1, 1, {1}), settings()
+assert settings() == before, settings()
+a, b, a_left = threading.Event(), threading.Event(), threading.Event()
+first = threading.Thread(target=guest, args=(a, b, a_left))
+first.start()
+a.wait()
+second = threading.Thread(target=guest, args=(b, a_left, threading.Event()))
+second.start()
+first.join()
+second.join()
+assert inside == [(1, 1, {1})] * 2, inside
+assert after == [3, 3], after
+assert settings() == before, settings()
+"""
+
+
+def test_a_program_has_its_threads_back_whoever_leaves_last():
+    done = subprocess.run([sys.executable, "-c", KEEPS], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

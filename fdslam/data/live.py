@@ -130,5 +130,8 @@ def frames_of(images: Any, folder: Path, first: int = 0) -> tuple[Frame, ...]:
 def frame_of(image: Any, folder: Path, name: str) -> Frame:
     """Return the frame of one image: a path, or pixels as ``as_image`` takes them, which are called ``name``."""
     if isinstance(image, str | os.PathLike):
-        return file_frame(Path(image).expanduser())
+        path = Path(image).expanduser()
+        if path.is_dir():
+            raise InputError(f"{path}: a folder where an image is wanted; give it by itself to fit or detect_all")
+        return file_frame(path)
     return frame_in(folder, as_image(image, f"image {name}"), name)

@@ -27,7 +27,7 @@ def video_frames(path: Path, every: float, folder: Path) -> Iterator[Frame]:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such video")
-    capture = cv2.VideoCapture(str(path))
+    capture = cv2.VideoCapture(str(path.absolute()))  # else FFmpeg takes what stands before a colon for a protocol
     try:
         due, count = 0.0, 0
         while capture.isOpened() and capture.grab():

@@ -43,7 +43,7 @@ def photograph(path: Path, side: int) -> str:
 
 
 def blank(frame: Frame, side: int) -> str:
-    """Return what stands in the place of a map image that is gone: a saved map keeps none."""
+    """Return what stands in the place of a map image that is gone, or is another by now: a saved map keeps none."""
     size = _fitting(frame.height, frame.width, side)
     image = Image.new("L", size, 128)
     ImageDraw.Draw(image).text((size[0] / 2, size[1] / 2), "not kept", fill=255, anchor="mm", font_size=size[0] / 8)

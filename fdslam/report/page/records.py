@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from fdslam.boxes import Candidate
 from fdslam.config import Config
+from fdslam.data.images import is_file
 from fdslam.pipeline import Outcome
 from fdslam.report.page.images import LARGE, SMALL, image_key
 from fdslam.report.page.why import relevance, witnesses
 from fdslam.sessions import label
+from fdslam.store import sha256_file
 from fdslam.types import Boxes, Frame, grid_shape
 
 
@@ -25,7 +27,7 @@ class Shown:
 
     frame: Frame
     side: int  # pixels of the longer side, at most
-    there: bool = True  # a map image may be gone: nothing but the page looks at it again
+    there: bool = True  # a map image may be gone, or another by now: nothing but the page looks at it again
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Records:
         data = self.outcome.dataset
         shown = [Shown(data.query[query], LARGE)]
         for place, m in enumerate(self.outcome.hypotheses[query]):
-            shown.append(Shown(data.map[m], SMALL if place else LARGE, data.map[m].path.is_file()))
+            shown.append(Shown(data.map[m], SMALL if place else LARGE, _unchanged(data.map[m])))
         return {image_key(one.frame, one.side): one for one in shown}
 
     def record(self, query: int) -> dict[str, Any]:
@@ -108,6 +110,10 @@ class Records:
             }
             for i, box in enumerate(boxes[query])
         ]
+
+
+def _unchanged(frame: Frame) -> bool:
+    return is_file(frame.path) and sha256_file(frame.path) == frame.digest
 
 
 def _outlines(boxes: Boxes) -> dict[str, dict[str, Any]]:
