@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 METRICS, PARAMETERS = 1000, 100  # that MLflow takes at once
 LONGEST_KEY, LONGEST_VALUE = 250, 6000
-QUIET = {"MLFLOW_DISABLE_TELEMETRY": "true", "DO_NOT_TRACK": "true", "MLFLOW_LOGGING_LEVEL": "ERROR"}
+QUIET = {"MLFLOW_DISABLE_TELEMETRY": "true", "DO_NOT_TRACK": "true", "MLFLOW_LOGGING_LEVEL": "CRITICAL"}
 
 
 def key(name: Name) -> str:
@@ -119,12 +119,12 @@ def _alone(path: Path) -> Iterator[None]:
 
 
 def _prepare() -> None:
-    """Import MLflow so that it tells neither its makers of every use nor the user how it makes tables."""
+    """Import MLflow so that it tells neither its makers of every use nor the user what an error says anyway."""
     os.environ.update(QUIET)  # before the import, which would start what does
     import mlflow  # noqa: F401
 
     for name in ("mlflow", "alembic"):
-        logging.getLogger(name).setLevel(logging.ERROR)
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def _fill(client: MlflowClient, run: str, record: Record) -> None:

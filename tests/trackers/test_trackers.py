@@ -86,9 +86,9 @@ def test_a_file_that_is_no_database_is_told_at_the_start(tmp_path):
 
 @pytest.fixture
 def small_files():
-    """No file may grow beyond 16 KiB, which is met like the end of a disk: a write fails after others went well."""
+    """No file may grow beyond 64 KiB, which is met like the end of a disk: a write fails after others went well."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (16_384, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (65_536, before[1]))
     yield
     resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
@@ -101,12 +101,13 @@ def job(swept, tmp_path):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_full_disk_is_one_line_and_the_run_is_kept(kind, job, tmp_path, small_files):
+def test_a_full_disk_is_one_line_and_the_run_is_kept(kind, job, tmp_path, small_files, capfd):
     config = Config(tracker=Tracker(kind, str(tmp_path / "tracking")))
     before = {path: path.read_bytes() for path in job.rglob("*") if path.is_file()}
     with pytest.raises(InputError, match=rf"^tracker={kind}: cannot write to .*; the run is whole in ") as told:
         run._track(config, job, sweep=False)
     assert "\n" not in str(told.value)
+    assert capfd.readouterr().err == ""
     assert before == {path: path.read_bytes() for path in job.rglob("*") if path.is_file()}
 
 
