@@ -8,7 +8,9 @@ import pytest
 
 from fdslam import ChangeDetector
 from fdslam.data.images import read_image
+from fdslam.data.live import file_frame
 from fdslam.errors import InputError
+from fdslam.report.page.records import Records
 from fdslam.saved import as_utf8, new_folder, read_manifest
 from tests.compact.walks import walk
 from tests.test_api import files, made
@@ -95,3 +97,14 @@ def test_poses_that_are_none_are_a_damaged_map(poses, tmp_path):
 def test_names_that_are_no_unicode_are_read_as_they_were():
     assert json.loads(as_utf8({"ü": "\udcff"})) == {"ü": "\udcff"}
     assert "ü".encode() in as_utf8({"ü": 1})
+
+
+def test_the_page_does_not_show_what_has_taken_a_map_images_place(world):
+    images, query = files(world / "map"), world / "query" / "1.png"
+    detector = made("FD", None).fit(images)
+    outcome = detector.outcome([file_frame(query)])
+    best = int(outcome.hypotheses[0][0])
+    shutil.copy(images[best - 1], images[best])
+    shown = Records(outcome, detector.config).frames(0)
+    assert [one.there for one in shown.values() if one.frame.path == images[best]] == [False]
+    assert sum(one.there for one in shown.values()) == len(shown) - 1
