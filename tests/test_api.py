@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from fdslam import ChangeDetector
 from fdslam.config import Folder
@@ -115,7 +116,7 @@ def test_numpy_and_torch_are_the_same_as_a_file(fitted, world):
     for row in ("FD+CC+EF", "PC"):
         of_file = fitted[row].detect(path)
         tensor = torch.from_numpy(image).permute(2, 0, 1)
-        for given in (image, tensor, tensor.float() / 255, image[:, ::-1][:, ::-1]):
+        for given in (image, tensor, tensor.float() / 255, image[:, ::-1][:, ::-1], Image.fromarray(image)):
             same(fitted[row].detect(given), of_file)
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     same(fitted["FD"].detect(grey), fitted["FD"].detect(np.stack([grey] * 3, axis=2)))
@@ -290,6 +291,7 @@ def test_an_image_that_cannot_be_used_is_one_line(image, said, fitted):
         (lambda: ChangeDetector("paper", settings=SETTINGS).detect(GOOD), "there is no map yet; call fit"),
         (lambda: ChangeDetector("paper", settings=SETTINGS).save("m"), "there is no map yet"),
         (lambda: ChangeDetector("paper", settings=SETTINGS).fit([]), "no image given"),
+        (lambda: ChangeDetector("paper", settings=SETTINGS).fit(GOOD), r"one array is no collection.*\[image\]"),
         (lambda: ChangeDetector("paper", settings=SETTINGS).fit(7), "a int is no collection of images"),
         (lambda: ChangeDetector("paper", settings=SETTINGS).fit("/nowhere"), "/nowhere: no such folder"),
         (

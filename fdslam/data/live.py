@@ -10,6 +10,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from PIL import Image as Pillow
 
 from fdslam.data.images import MAX_PIXELS, MIN_SIDE, SUFFIXES, image_size
 from fdslam.errors import InputError
@@ -51,13 +52,15 @@ def as_image(value: Any, name: str) -> Image:
     """Return an image in memory as uint8 RGB [H, W, 3].
 
     Args:
-        value: numpy uint8 [H, W, 3] RGB or [H, W] grey; or a torch tensor [3, H, W] or [1, H, W], uint8 or float in
-            0 … 1, on any device.
+        value: numpy uint8 [H, W, 3] RGB or [H, W] grey; a torch tensor [3, H, W] or [1, H, W], uint8 or float in
+            0 … 1, on any device; or an image of Pillow.
         name: for messages.
 
     Raises:
         InputError: anything else, NaN, or a size that no stage can work with.
     """
+    if isinstance(value, Pillow.Image):
+        value = np.asarray(value.convert("RGB"))
     array = value if isinstance(value, np.ndarray) else _from_torch(value, name)
     if array.dtype != np.uint8:
         raise InputError(f"{name}: {array.dtype} values; give uint8, 0 to 255 (or a torch tensor of floats in 0 … 1)")
@@ -119,6 +122,8 @@ def frames_of(images: Any, folder: Path, first: int = 0) -> tuple[Frame, ...]:
         root = Path(images).expanduser()
         found = tuple(file_frame(path, path.name) for path in images_in(root))
     else:
+        if getattr(images, "ndim", 4) < 4:  # its rows would be taken for images
+            raise InputError("one array is no collection of images; give a list of it, [image]")
         if not isinstance(images, Sequence | np.ndarray) and not hasattr(images, "__iter__"):
             raise InputError(f"a {type(images).__name__} is no collection of images; give a folder or a list")
         found = tuple(frame_of(image, folder, f"{first + i:06d}") for i, image in enumerate(images))
