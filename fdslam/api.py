@@ -210,7 +210,12 @@ class ChangeDetector:
         saved = read_manifest(root)
         words = saved.words | as_words(settings)
         mode, row = words.pop("mode"), words.pop(ROW)
-        made = cls(mode, row, [f"{key}={value}" for key, value in words.items()], verbose=verbose)
+        try:
+            made = cls(mode, row, [f"{key}={value}" for key, value in words.items()], verbose=verbose)
+        except InputError as error:
+            raise InputError(
+                f"{error} (as {root} was saved; name what has moved with settings=[KEY=VALUE], or --set KEY=VALUE)"
+            ) from error
         made._store = Layered(Store(root / ARTEFACTS), made._store)  # an update leaves the folder as it is
         sealed = Sealed(root / ARTEFACTS)
         data = saved.dataset()
@@ -221,8 +226,8 @@ class ChangeDetector:
                 made._prepare(made._map, sealed)
         except InputError as error:
             raise InputError(
-                f"{root}: the map is damaged, or was saved with other models or by a version of fdslam that computes "
-                f"otherwise; fit it again ({error})"
+                f"{root}: the map is damaged, or was saved with other settings or models or by a version of fdslam "
+                f"that computes otherwise; fit it again ({error})"
             ) from error
         return made
 

@@ -91,6 +91,8 @@ def check(asked: argparse.Namespace) -> None:
         folder = getattr(asked, option)
         if folder is not None and not _can_be_written(folder.parent if option == "save" else folder):
             raise InputError(f"--{option} {folder}: cannot be written; choose another folder")
+    if asked.out is not None and asked.out.is_dir() and any(asked.out.iterdir()):
+        raise InputError(f"--out {asked.out}: is there and not empty; choose a new folder, nothing is overwritten")
 
 
 def _can_be_written(folder: Path) -> bool:
@@ -139,18 +141,16 @@ def detector_of(asked: argparse.Namespace) -> ChangeDetector:
 def detect(asked: argparse.Namespace) -> str:
     """Do what was asked for; return what is to be printed."""
     watch = Stopwatch()
-    with watch.stage("map"):
-        detector = detector_of(asked)
-    if asked.save is not None:
-        detector.save(asked.save)
-        say(f"map of {len(detector)} images saved to {asked.save}")
-    if not asked.query:
-        return ""
     out = asked.out or Path("outputs") / "detect" / time.strftime("%Y-%m-%d_%H-%M-%S")
     with tempfile.TemporaryDirectory(prefix="fdslam-") as folder, warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="PIL")  # of a torn file, just before the error that names it
-        frames = list(frames_in(asked.query, asked.every, Path(folder)))
-        return _found(asked, detector, frames, out, watch)
+        frames = list(frames_in(asked.query, asked.every, Path(folder)))  # what is no image is told before the map
+        with watch.stage("map"):
+            detector = detector_of(asked)
+        if asked.save is not None:
+            detector.save(asked.save)
+            say(f"map of {len(detector)} images saved to {asked.save}")
+        return _found(asked, detector, frames, out, watch) if frames else ""
 
 
 def _found(
@@ -169,14 +169,13 @@ def _found(
     about = {"mode": detector.config.mode, "detectors": detector.row, "share": asked.share, "map": str(asked.map)}
     told = findings(found, about)
     with watch.stage("pictures"):
-        for stale in (out / "overlays").glob("*.jpg"):  # of an earlier run into the same folder
-            stale.unlink()
         names = picture_names([frame.name for frame in frames])
         drawn = list(zip(frames, found, names, strict=True))
         for frame, (one, boxes), name in progress(drawn, len(drawn), "pictures"):
             write_atomically(out / "overlays" / name, overlay(read_image(frame.path), one.places, boxes))
     write_atomically(out / "boxes.json", as_utf8(told))
     run = provenance(asdict(detector.config), watch, detector.config.workers)
+    run["command"] = ["python", "-m", "fdslam.detect", *run["command"][1:]]  # as it was typed
     title = f"{', '.join(asked.query)} against {asked.map}"
     write_page(outcome, detector.config, out / "report.html", run, title, [boxes for _, boxes in found])
     if asked.json:

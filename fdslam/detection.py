@@ -23,7 +23,7 @@ class Hypothesis:
     relevance: float  # Σ_j 1 / r_j over the weak lists, by which the strong list is sorted
 
 
-@dataclass(frozen=True, eq=False)  # arrays are neither equal nor unequal
+@dataclass(frozen=True, eq=False, repr=False)  # arrays are neither equal nor unequal
 class Detection:
     """What one image tells."""
 
@@ -37,6 +37,11 @@ class Detection:
     obbs: Boxes  # the J OBBs that the image was localised by
     ranks: NDArray[np.integer]  # [J, Y] r_j(m_y): the rank that the weak list of OBB j gives to hypothesis y
     localization: Localization  # all weak lists, the whole strong list, and the OBBs that hold too few keypoints
+
+    def __repr__(self) -> str:
+        """Say which image this is, and where it was taken: the arrays would fill a screen."""
+        place = "lost" if self.lost or not self.hypotheses else f"at {self.hypotheses[0].name!r}"
+        return f"Detection({self.name!r}, {self.width}×{self.height}, {place}, {len(self.obbs.xyxy)} OBBs)"
 
     @property
     def pixels(self) -> NDArray[np.float32]:

@@ -52,10 +52,13 @@ def out_of_their_world(config: Config) -> str:
         and not (config.compact.weights or config.obb.yolo.weights or "YOLO" in sources),
         "mask.weights": config.mask.source == "deeplabv3plus" and not config.mask.weights,
     }
-    keys = ", ".join(f"{key}=FILE" for key, used in wanted.items() if used)
-    return keys and (
-        f"{keys}: not given, so the shipped ones are used, which know the embedded campus alone; real ones are better "
-        "on real images (docs/models.md), and obb=j_b does without"
+    used = [key for key, shipped in wanted.items() if shipped]
+    without = {"obb": "obb=j_b", "compact": "compact.source=gradients", "mask": "mask=none"}
+    ways = dict.fromkeys(without[key.partition(".")[0]] for key in used)
+    files = ", ".join(f"{key}=FILE" for key in used)
+    return files and (
+        f"{files}: not given, so the shipped ones are used, which know the embedded "
+        f"campus alone; real ones are better on real images (docs/models.md), and {', '.join(ways)} does without"
     )
 
 

@@ -108,6 +108,7 @@ def test_what_a_detection_says_agrees_with_itself(fitted, world):
     x0, y0, x1, y1 = np.maximum(best[:2], (40, 30)).tolist() + np.minimum(best[2:], (100, 80)).tolist()
     assert x1 > x0 and y1 > y0, "the likeliest candidate meets what is new"  # noqa: PT018
     assert not one.lost
+    assert repr(one) == f"Detection({one.name!r}, 160×120, at {one.hypotheses[0].name!r}, {len(one.obbs.xyxy)} OBBs)"
 
 
 def test_numpy_and_torch_are_the_same_as_a_file(fitted, world):

@@ -258,3 +258,19 @@ def test_a_video_may_have_any_name(world, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     frames = list(video_frames(Path("at 12:30 %d.avi"), 2.0, tmp_path))
     assert [frame.name for frame in frames] == ["at 12:30 %d.avi@0.00s", "at 12:30 %d.avi@2.00s"]
+
+
+def test_nothing_is_overwritten(world, store, tmp_path, capsys):
+    out = tmp_path / "mine"
+    (out / "overlays").mkdir(parents=True)
+    (out / "overlays" / "holiday.jpg").write_text("precious")
+    assert command(world, store, out, "--detectors", "FD", str(world / "query")) == 2
+    assert "mine: is there and not empty; choose a new folder" in capsys.readouterr().err
+    assert [path.name for path in out.rglob("*")] == ["overlays", "holiday.jpg"]
+
+
+def test_a_query_that_cannot_be_read_is_told_before_the_map_is_built(world, store, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("fdslam.api.ChangeDetector.fit", lambda *_: pytest.fail("the map was built"))
+    (tmp_path / "text.png").write_text("no image")
+    assert command(world, store, tmp_path / "out", str(tmp_path / "text.png")) == 2
+    assert "not an image" in capsys.readouterr().err

@@ -30,6 +30,8 @@ def test_shipped_models_on_other_images_than_the_campus_are_told(config, keys):
     line = out_of_their_world(config)
     assert re.findall(r"([a-z.]+)=FILE", line) == keys
     assert bool(line) == bool(keys)
+    for group, way in {"obb.": "obb=j_b", "compact.": "compact.source=gradients", "mask.": "mask=none"}.items():
+        assert (way in line) == any(key.startswith(group) for key in keys)
 
 
 def test_models_are_told_apart_by_their_weights():

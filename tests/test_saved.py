@@ -2,10 +2,12 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import fdslam
 from fdslam import ChangeDetector
 from fdslam.data.images import read_image
 from fdslam.data.live import file_frame
@@ -108,3 +110,16 @@ def test_the_page_does_not_show_what_has_taken_a_map_images_place(world):
     shown = Records(outcome, detector.config).frames(0)
     assert [one.there for one in shown.values() if one.frame.path == images[best]] == [False]
     assert sum(one.there for one in shown.values()) == len(shown) - 1
+
+
+def test_a_model_that_has_moved_is_named_anew(world, tmp_path):
+    shipped = Path(fdslam.__file__).parent / "weights" / "yolo_campus.onnx"
+    model = shutil.copy(shipped, tmp_path / "model.onnx")
+    settings = ["obb.library=J+YOLO", f"obb.yolo.weights={model}"]
+    made("FD", None, more=settings).fit(world / "map").save(tmp_path / "saved")
+    expected = ChangeDetector.load(tmp_path / "saved").detect(world / "query" / "1.png")
+    model.rename(tmp_path / "moved.onnx")
+    with pytest.raises(InputError, match=r"model\.onnx: no such file.*name what has moved with settings=\[KEY=VALUE\]"):
+        ChangeDetector.load(tmp_path / "saved")
+    found = ChangeDetector.load(tmp_path / "saved", [f"obb.yolo.weights={tmp_path / 'moved.onnx'}"])
+    assert np.array_equal(found.detect(world / "query" / "1.png").cells, expected.cells)

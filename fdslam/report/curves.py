@@ -17,7 +17,7 @@ from fdslam.pipeline import Outcome
 
 # Okabe and Ito's colours: told apart by the colour-blind too.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-CONTROL_STYLES = (":", "--", "-.", (0, (1, 3)))
+CONTROL_STYLES = (":", "--", "-.", (0, (6, 2, 1, 2, 1, 2)))
 
 
 def _style(i: int, methods: int) -> dict:

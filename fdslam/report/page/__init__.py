@@ -16,6 +16,7 @@ from fdslam.report.page.render import render
 from fdslam.report.tables import summary
 from fdslam.store import write_atomically
 
+PHOTOS = 3  # lines about them: how many, with what, and what the map keeps
 SCRIPTS = ("page.js", "overlays.js", "gallery.js", "why.js")
 
 
@@ -43,7 +44,8 @@ def write_page(
     folded = ("config", "seconds", "estimated_seconds", "peak_memory_mib", "command")
     values: dict[str, Any] = {
         "title": title or f"{outcome.dataset.name}: {', '.join(config.mix.rows)}",
-        "summary": summary(outcome, config),
+        # Whose boxes are candidates are photos: that they have no truth goes without saying.
+        "summary": summary(outcome, config)[: PHOTOS if candidates is not None else None],
         "accuracy": tables.accuracy(outcome, config),
         "methods": len(config.mix.rows),
         "further": tables.further(outcome, config),

@@ -80,7 +80,7 @@ function heats(query) {
     truth.append(draw("path", {class: "truth found", d: (query.truth ?? []).map((one) => outline(one.box)).join("")}));
     box.append(cells(query, query.heat[i], "heat", `Likelihood of change by ${method}`), truth);
     const score = query.score ? `, score ${query.score[i].toFixed(2)}` : "";
-    const caption = `${method}: its highest 1 % of the cells above ${(100 * query.highest[i]).toFixed(0)} % of all${score}`;
+    const caption = `${method}: its highest 1 % of the cells above ${Math.min(99.9, 100 * query.highest[i]).toFixed(1)} % of all${score}`;
     return make("figure", {}, box, make("figcaption", {}, caption));
   });
   const among = make("select", {name: "among"}, make("option", {value: "heat"}, "the cells of all queries"), make("option", {value: "within"}, "the cells of this query"));
