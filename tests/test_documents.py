@@ -17,7 +17,7 @@ from fdslam.obb.bing import OWN
 from fdslam.store import Store
 from tests.data.worlds import small_world
 from tests.documents.blocks import PAGES, ROOT, blocks, commands
-from tests.documents.execute import SIZES, execute, small, understood
+from tests.documents.execute import PATH, SIZES, execute, small, understood
 from tests.documents.only_read import ONLY_READ
 
 TO_THE_LETTER = ROOT / "docs" / "own_data.md"
@@ -96,6 +96,8 @@ def read(command, monkeypatch):
         extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
         assert set(re.search(r"\[(.*)\]", command)[1].split(",")) <= extras.keys()
         assert (ROOT / "constraints.txt").is_file()
+    elif command.startswith("tensorboard "):
+        assert shutil.which("tensorboard", path=PATH)
     else:
         understood(command, monkeypatch)
 

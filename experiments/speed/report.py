@@ -16,17 +16,14 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from hydra import compose, initialize_config_dir
 from playwright.sync_api import Browser, sync_playwright
 
-from fdslam.config import register
-from fdslam.modes import CONF
+from fdslam.compose import configured
 from fdslam.pipeline import run
 from fdslam.progress import worker_count
 from fdslam.provenance import Stopwatch, provenance
 from fdslam.report.page import write_page
 from fdslam.report.tables import markdown
-from fdslam.run import quote_paths, to_config
 
 TIMES = 5
 FIRST = "[...document.querySelectorAll('#cards .scene .photo')].some((image) => image.complete && image.naturalWidth)"
@@ -53,9 +50,7 @@ def opened(browser: Browser, address: str) -> tuple[float, float, float]:
 
 def main() -> None:
     """Measure and print."""
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = to_config(compose("config", overrides=quote_paths(sys.argv[1:])))
+    config = configured(sys.argv[1:])
     watch = Stopwatch()
     outcome = run(config, watch)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:

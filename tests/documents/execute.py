@@ -12,6 +12,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -24,6 +25,7 @@ QUICK = (
     "ad.k=2", "ad.epochs=2", "ad.folds=2", "ad.channels=4", "ad.latent=8", "ad.pixels=1024", "bow.features=300",
     "bow.min_side=240", "evaluation.bootstrap=20", "evaluation.curve_Y=[]", "report.pictures=0",
 )  # fmt: skip
+PATH = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])  # as in the activated environment
 SIZES = {"images": 56, "width": 154, "height": 202, "objects": 240, "distractors": 48}  # of the campus
 
 
@@ -41,7 +43,11 @@ def execute(command, monkeypatch, capsys):
         return captured.out.splitlines() + errors, status
     shell = f'python() {{ {shlex.quote(sys.executable)} "$@"; }}\n{command}'
     done = subprocess.run(
-        ["bash", "-ec", shell], capture_output=True, text=True, check=False, env=os.environ | {"LC_ALL": "C"}
+        ["bash", "-ec", shell],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"LC_ALL": "C", "PATH": PATH},
     )
     return done.stdout.splitlines() + done.stderr.splitlines(), done.returncode
 

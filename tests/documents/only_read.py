@@ -4,6 +4,7 @@ IN_CI = "it is what CI itself runs"
 SETS_UP = "it sets an environment up"
 TIMES = "it measures for minutes"
 NETWORK = "it downloads; tests/fetch runs it against servers on the local machine"
+SERVES = "it is a server, which goes on until it is stopped"
 SWEEP = "many jobs; tests/test_sweep.py runs sweeps, here every job's configuration is composed"
 PAIRS = "it takes minutes: twelve pairs of sessions, and training for each"
 PHOTOS = "it works for minutes to hours on photographs that are not part of the project"
@@ -17,6 +18,7 @@ _THREE = f"{_D}/camvid_changes {_D}/camvid_generic {_D}/stromovka_winter"
 _COMPACT = f"--yolo {_D}/models/yolox_nano.onnx --bing {_D}/models/bing"
 _MODELS = f"{_COMPACT}/ObjNessB2W8HSV"
 _KEYS = f"obb.yolo.weights={_D}/models/yolox_nano.onnx obb.bing.filters={_D}/models/bing/ObjNessB2W8HSV"
+_NETWORKS = f"obb.yolo.weights={_D}/models/yolox_nano.onnx obb.bing.filters={_D}/models/bing"
 _FILTERS = f"--published {_D}/models/bing"
 _OURS = "--looks fdslam/weights/yolo_campus.onnx"
 _SWEPT = "ad.k=2,5,10 ad.c=0.4,0.8,1.6 evaluation.Y=1,3,10"
@@ -30,7 +32,7 @@ ONLY_READ = {
         "python -m experiments.speed.localization --json localization.json",
         "python -m experiments.speed.comparison",
         "python -m experiments.speed.query --threads 2 --memory 1000",
-        f"python -m experiments.speed.compact {_D}/camvid_generic {_COMPACT}",
+        f"python -m experiments.speed.compact {_D}/camvid_generic {_COMPACT} --times 4 16",
         "python -m experiments.speed.bing",
         "python -m experiments.speed.growth --plot growth.png",
         "python -m experiments.speed.autoencoders",
@@ -41,6 +43,7 @@ ONLY_READ = {
         "python -m fdslam.fetch yolox-nano",
         "python -m fdslam.fetch nclt --session WI --session SP --session SU --session AU --to DIR",
     ],
+    SERVES: ["tensorboard --logdir outputs/tracking/tensorboard"],
     SWEEP: [
         "python -m fdslam.run -m +experiment=fd evaluation.Y=1,3,10",
         "python -m fdslam.run -m +experiment=fd_ad ad.k=2,5,10 ad.c=0.4,0.8 evaluation.Y=1,10",
@@ -68,10 +71,12 @@ ONLY_READ = {
         f"python -m experiments.compact.table {_CAMVID} {_D}/stromovka_winter {_COMPACT} {_OURS}",
         f"python -m experiments.compact.table {_CAMVID} {_D}/stromovka_winter {_COMPACT} --gradients",
         f"python -m experiments.compact.controls {_CAMVID} {_COMPACT}",
+        f"python -m experiments.compact.movers {_CAMVID} {_COMPACT}",
         f"python -m experiments.compact.worst {_D}/camvid_generic {_COMPACT} --out outputs/worst",
         f"python -m experiments.obb_study.detection_rate {_THREE} {_FILTERS} --plot detection_rate.png",
         f"python -m experiments.refinement.effects {_THREE}",
         f"python -m experiments.speed.recall {_THREE}",
+        f"python -m experiments.speed.report mode=best dataset=folder dataset.root={_D}/camvid_generic {_NETWORKS}",
     ],
     LONG: [
         "python -m experiments.ablation.ablation",
