@@ -179,7 +179,9 @@ class ChangeDetector:
             return outcome_of(self.config, [see(self.config, located, store, watch)], watch)
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write the map to a folder, which is then all that ``load`` needs; a map that was saved there is replaced.
+        """Write the map to a folder; a map that was saved there is replaced.
+
+        It is then all that ``load`` needs, beside the files of models that the settings name.
 
         Raises:
             InputError: no map, a folder of something else, or a disk that refuses. What was there then stays.

@@ -61,6 +61,11 @@ class Detection:
         return candidates(self.places, self.height, self.width, share, top)
 
 
+def relevance(found: Localization, images: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return Σ_j 1 / r_j(m) of map images, float64 of the same length: what the strong list is sorted by."""
+    return reciprocal(found.ranks[:, images].astype(np.int32)).sum(axis=0) / RECIPROCAL_ONE
+
+
 def detections(outcome: Outcome, row: str) -> list[Detection]:
     """Return what every query of an outcome tells by one row of its table."""
     data, maps = outcome.dataset, outcome.maps[row]
@@ -68,9 +73,9 @@ def detections(outcome: Outcome, row: str) -> list[Detection]:
     for query, (frame, cells, places) in enumerate(zip(data.query, maps, percentiles(maps), strict=True)):
         where, best = outcome.localizations[query], outcome.hypotheses[query]
         ranks = where.ranks[:, best]
-        relevance = reciprocal(ranks.astype(np.int32)).sum(axis=0) / RECIPROCAL_ONE
         hypotheses = tuple(
-            Hypothesis(int(m), data.map[m].name, float(value)) for m, value in zip(best, relevance, strict=True)
+            Hypothesis(int(m), data.map[m].name, float(value))
+            for m, value in zip(best, relevance(where, best), strict=True)
         )
         found.append(
             Detection(

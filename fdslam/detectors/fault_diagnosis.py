@@ -32,7 +32,7 @@ from fdslam.types import CELL, Cells, grid_shape
 STAGE = Stage("fd", ("fdslam.detectors.fault_diagnosis",), ("numpy", "scipy"))
 RANK_ONE = 1 << 30  # fixed-point 1.0 of a rank, of its logarithm, and of a weight beside them
 PRIOR = 0.4  # keypoints a cell: where there are fewer around, their word counts for less
-_POOL: dict[str, Callable[..., NDArray]] = {"min": np.min, "mean": np.mean, "max": np.max, "median": np.median}
+POOL: dict[str, Callable[..., NDArray]] = {"min": np.min, "mean": np.mean, "max": np.max, "median": np.median}
 Paint = Callable[[NDArray[np.int64]], NDArray[np.int64]]
 
 
@@ -68,7 +68,7 @@ def _blocks(
     """Return the mean ranks on the blocks of the coverage."""
     if ranks.size == 0:  # no OBB that says anything, or no hypothesis to disagree with
         return np.zeros(coverage.paint(np.zeros(len(ranks), np.int64)).shape)
-    pool, weights = _POOL[config.pooling], _weights(boxes, config)
+    pool, weights = POOL[config.pooling], _weights(boxes, config)
     if config.order == "fuse_then_pool":
         return pool(_mean_rank(ranks.T, weights, coverage.paint, config.mean), axis=0)
     return _mean_rank(pool(ranks, axis=1), weights, coverage.paint, config.mean)

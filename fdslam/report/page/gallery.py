@@ -8,11 +8,10 @@ from itertools import chain, zip_longest
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fdslam.boxes import Candidate
 from fdslam.config import Config
-from fdslam.fusion import competition_ranks, percentiles
+from fdslam.fusion import percentiles
 from fdslam.pipeline import Maps, Outcome
 from fdslam.progress import in_parallel, progress
 from fdslam.report.page.images import blank, heat_map, mask_image, photograph
@@ -71,7 +70,7 @@ def _seen(outcome: Outcome, places: Maps, chosen: Sequence[dict[str, Any]]) -> l
     found = []
     for query in (record["id"] - 1 for record in chosen):
         one = places[query]
-        seen: dict[str, Any] = {"heat": heat_map(one), "within": heat_map(within(one))}
+        seen: dict[str, Any] = {"heat": heat_map(one), "within": heat_map(percentiles([one])[0])}
         seen["highest"] = round(float(np.quantile(one, HIGHEST)), 4)
         found.append(seen | ({"score": round(scores[query], 4)} if scores else {}))
     return found
@@ -90,12 +89,6 @@ def by_turns(scores: Sequence[float], count: int) -> list[int]:
     half = (count + 1) // 2
     pairs = zip_longest(worst[:half], reversed(worst[half:]))
     return [query for query in chain.from_iterable(pairs) if query is not None]
-
-
-def within(places: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Return each cell's place among those of its query alone, 0 to 1; ties averaged."""
-    ranks = competition_ranks(places.ravel()) - 1 + (places.size + 1 - competition_ranks(-places.ravel()))
-    return (ranks / (2 * places.size)).astype(np.float32).reshape(places.shape)
 
 
 def _that_fit(

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from fdslam.boxes import Candidate
 from fdslam.config import Config
 from fdslam.data.images import is_file
+from fdslam.detection import relevance
 from fdslam.pipeline import Outcome
 from fdslam.report.page.images import LARGE, SMALL, image_key
-from fdslam.report.page.why import relevance, witnesses
+from fdslam.report.page.why import witnesses
 from fdslam.sessions import label
 from fdslam.store import sha256_file
 from fdslam.types import Boxes, Frame, grid_shape
@@ -84,10 +85,10 @@ class Records:
                 {
                     "name": data.map[m].name,
                     "image": image_key(data.map[m], SMALL if place else LARGE),
-                    "relevance": weight,
+                    "relevance": round(float(weight), 4),
                     "right": None if data.relevant is None else bool(np.isin(m, data.relevant[query])),
                 }
-                for place, (m, weight) in enumerate(zip(hypotheses, relevance(found, hypotheses, start), strict=True))
+                for place, (m, weight) in enumerate(zip(hypotheses, relevance(found, hypotheses - start), strict=True))
             ],
             "why": witnesses(found, hypotheses, data, start, self.config.fd.pooling),
         }

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.detectors.fault_diagnosis import POOL
 from fdslam.types import Dataset, Localization
 
 WITNESSES = 8  # OBBs that are told of
-_POOL: dict[str, Callable[..., NDArray]] = {"min": np.min, "mean": np.mean, "max": np.max, "median": np.median}
 
 
 def disagreement(ranks: NDArray[np.integer], pooling: str) -> NDArray[np.float64]:
@@ -26,7 +25,7 @@ def disagreement(ranks: NDArray[np.integer], pooling: str) -> NDArray[np.float64
     """
     if not ranks.shape[1]:
         return np.zeros(len(ranks))
-    return np.asarray(_POOL[pooling](ranks, axis=1), np.float64)
+    return np.asarray(POOL[pooling](ranks, axis=1), np.float64)
 
 
 def witnesses(
@@ -59,8 +58,3 @@ def witnesses(
             }
         )
     return told
-
-
-def relevance(found: Localization, hypotheses: NDArray[np.int64], start: int) -> list[float]:
-    """Return Σ_j 1 / r_j(m) of each hypothesis; arguments as ``witnesses``."""
-    return [round(float(value), 4) for value in (1 / found.ranks[:, hypotheses - start]).sum(axis=0)]
