@@ -21,6 +21,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from fdslam.errors import InputError
+from fdslam.syntax import parse
 
 log = logging.getLogger(__name__)
 LIBRARY = f"onnxruntime {onnxruntime.__version__}"  # part of what decides a model's outputs
@@ -86,7 +87,7 @@ class Model:
         Empty where they name none, or in a way that is not understood.
         """
         try:
-            names = ast.literal_eval(self.metadata.get("names", "()"))
+            names = ast.literal_eval(parse(self.metadata.get("names", "()").strip(), mode="eval"))
         except (ValueError, SyntaxError, MemoryError, RecursionError):
             return ()
         if isinstance(names, dict):

@@ -28,6 +28,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from fdslam.errors import InputError
+from fdslam.syntax import parse
 
 log = logging.getLogger(__name__)
 Arrays = dict[str, np.ndarray]
@@ -36,13 +37,9 @@ Key = str  # hex sha256
 PACKAGE = Path(__file__).parent
 # Ground floor: what they hold is schema or plumbing, and reaches a key through the values themselves.
 NOT_PART_OF_A_RESULT = {"fdslam", "fdslam.errors", "fdslam.config", "fdslam.store", "fdslam.progress"}
-
-
-@cache
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+# Asked for once, on import: to read it is to set it for a moment, and two threads would set it to 0 for good.
+UMASK = os.umask(0)
+os.umask(UMASK)
 
 
 def write_atomically(path: Path, *data: bytes | memoryview) -> None:
@@ -60,7 +57,7 @@ def write_atomically(path: Path, *data: bytes | memoryview) -> None:
                     file.write(piece)
                 file.flush()
                 os.fsync(file.fileno())
-            os.chmod(temporary, 0o666 & ~_umask())  # mkstemp makes files that nobody else may read
+            os.chmod(temporary, 0o666 & ~UMASK)  # mkstemp makes files that nobody else may read
             os.replace(temporary, path)
         finally:
             Path(temporary).unlink(missing_ok=True)  # there only if something failed
@@ -95,7 +92,7 @@ def code_version(module: str) -> str:
         if not path.is_file():  # `from fdslam.x import name` names an attribute of x, and x itself is already listed
             continue
         sources[name] = path.read_text(encoding="utf-8")
-        for node in ast.walk(ast.parse(sources[name])):
+        for node in ast.walk(parse(sources[name])):
             if isinstance(node, ast.Import):
                 waiting += [alias.name for alias in node.names if alias.name.startswith("fdslam")]
             elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("fdslam"):
