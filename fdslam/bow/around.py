@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from fdslam.native import NATIVE, njit
+from fdslam.popcount import bits_set
 from fdslam.types import Features
 
 NONE = 257  # bits: nothing is around
 _ROUNDED = 1e-6  # pixels: no sum of a place and a radius is off by more
-# To count the bits that are set in 64: by two, by four, by eight, then all eights at once.
-_TWOS, _FOURS, _EIGHTS = (np.uint64(n) for n in (0x5555555555555555, 0x3333333333333333, 0x0F0F0F0F0F0F0F0F))
-_ALL, _1, _2, _4, _56 = (np.uint64(n) for n in (0x0101010101010101, 1, 2, 4, 56))
 
 
 def candidates(hypotheses: Sequence[int] | NDArray[np.integer], images: int, best: int, neighbours: int) -> list[int]:
@@ -93,14 +91,6 @@ def _nearest(
 
 
 @njit
-def _bits(value):
-    """Count the bits that are set in 64."""
-    value -= (value >> _1) & _TWOS
-    value = (value & _FOURS) + ((value >> _2) & _FOURS)
-    return (((value + (value >> _4)) & _EIGHTS) * _ALL) >> _56
-
-
-@njit
 def _in_discs(ours, at, theirs, x, y, begin, end, squared, best):
     """Update ``best`` [n] by the places from ``begin`` to before ``end`` of each that lie in its disc."""
     for i in range(len(best)):
@@ -110,10 +100,10 @@ def _in_discs(ours, at, theirs, x, y, begin, end, squared, best):
             across, down = x[j] - at[2 * i], y[j] - at[2 * i + 1]
             if across * across + down * down <= squared:
                 bits = np.int64(
-                    _bits(q0 ^ theirs[4 * j])
-                    + _bits(q1 ^ theirs[4 * j + 1])
-                    + _bits(q2 ^ theirs[4 * j + 2])
-                    + _bits(q3 ^ theirs[4 * j + 3])
+                    bits_set(q0 ^ theirs[4 * j])
+                    + bits_set(q1 ^ theirs[4 * j + 1])
+                    + bits_set(q2 ^ theirs[4 * j + 2])
+                    + bits_set(q3 ^ theirs[4 * j + 3])
                 )
                 smallest = min(smallest, bits)
         best[i] = smallest

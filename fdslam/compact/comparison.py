@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from fdslam.compact.grid import Grid
 from fdslam.compact.signs import Signs
+from fdslam.native import NATIVE, njit
+from fdslam.popcount import bits_set
 
 NOWHERE = np.float32(np.inf)  # no descriptor of the map image is around
 _EXACT = 1e-9  # of a cell: what rounding may take from a place that is exactly ``reach`` away
@@ -36,19 +38,45 @@ def displaced(
     Yields:
         float32 [rows, cols] bits, and bool [rows, cols], whether the map image reaches there; the distance is 0 if not.
     """
-    rows, cols, words = query.shape
-    ours, theirs = query.reshape(-1, words), image.reshape(-1, words)
-    col, row = np.rint(grid.places(at)).astype(np.int64).T
+    ours, theirs = (np.ascontiguousarray(signs) for signs in (query, image))
+    col, row = np.rint(grid.places(at)).astype(np.int64).T.reshape(2, *query.shape[:2])
     across, down = (math.ceil(reach / step - _EXACT) for step in (grid.step_x, grid.step_y))
+    compare = _compare if NATIVE else _compare_by_arrays
     for dy in range(-down, down + 1):
         for dx in range(-across, across + 1):
-            y, x = row + dy, col + dx
-            inside = (y >= 0) & (y < image.shape[0]) & (x >= 0) & (x < image.shape[1])
-            there = np.where(inside, y * image.shape[1] + x, 0)
-            distance = np.zeros(len(ours), np.float32)
-            for word in range(words):  # a sum along so short an axis takes longer than all the rest
-                distance += np.bitwise_count(ours[:, word] ^ theirs[there, word])
-            yield (distance * inside).reshape(rows, cols), inside.reshape(rows, cols)
+            distance, inside = np.zeros(query.shape[:2], np.float32), np.zeros(query.shape[:2], bool)
+            compare(ours, theirs, row + dy, col + dx, distance, inside)
+            yield distance, inside
+
+
+def _compare_by_arrays(
+    ours: Signs,
+    theirs: Signs,
+    y: NDArray[np.int64],
+    x: NDArray[np.int64],
+    distance: NDArray[np.float32],
+    inside: NDArray[np.bool_],
+) -> None:
+    """Write how many bits differ from the descriptors at rows y and columns x, and whether they are there."""
+    inside[...] = (y >= 0) & (y < theirs.shape[0]) & (x >= 0) & (x < theirs.shape[1])
+    there = theirs[np.where(inside, y, 0), np.where(inside, x, 0)]
+    for word in range(ours.shape[2]):  # a sum along so short an axis takes longer than all the rest
+        distance += np.bitwise_count(ours[..., word] ^ there[..., word])
+    distance *= inside
+
+
+@njit
+def _compare(ours, theirs, y, x, distance, inside):
+    """Write the same, by compiled loops."""
+    rows, cols, words = ours.shape
+    for i in range(rows):
+        for j in range(cols):
+            k, m = y[i, j], x[i, j]
+            if 0 <= k < theirs.shape[0] and 0 <= m < theirs.shape[1]:
+                bits = np.uint64(0)
+                for word in range(words):
+                    bits += bits_set(ours[i, j, word] ^ theirs[k, m, word])
+                distance[i, j], inside[i, j] = bits, True
 
 
 def smallest(

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fdslam.compact import comparison
 from fdslam.compact.comparison import NOWHERE, displaced, smallest
 from fdslam.compact.grid import Grid
 from tests.reference import compact as reference
@@ -19,6 +20,12 @@ def bits(rng, rows, cols, words):
 
 def equal(query, image, grid, at, reach, sigma=0.8):
     alone, supported = smallest(query, image, grid, at, reach, sigma)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "NATIVE", not comparison.NATIVE)  # with compiled loops or without, to the bit
+        assert [one.tobytes() for one in smallest(query, image, grid, at, reach, sigma)] == [
+            alone.tobytes(),
+            supported.tobytes(),
+        ]
     for found, expected in zip(
         (alone, supported), reference.smallest(query, image, grid, at, reach, sigma, np.inf), strict=True
     ):
