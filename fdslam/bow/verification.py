@@ -9,6 +9,7 @@ go first, by those numbers.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
@@ -72,6 +73,45 @@ def supporting_matches(query: Features, other: Features, least: int) -> Matches:
         Indices of the keypoints of either image, int64 [k] each, the first rising.
     """
     return _fitting(query, other, _at_hand(query.descriptors.tobytes(), other.descriptors.tobytes()), least)
+
+
+@dataclass(frozen=True)
+class Supported:
+    """A map image and its matches with a query that fit one rigid scene."""
+
+    image: int  # map id
+    other: Features  # what is known of it
+    mine: NDArray[np.int64]  # [k] keypoints of the query, rising
+    theirs: NDArray[np.int64]  # [k] their partners
+
+
+def best_supported(
+    query: Features, images: Iterable[int], words: Callable[[int], Features], least: int, count: int
+) -> list[Supported]:
+    """Return the images with most ``supporting_matches``, those with most first, then the smaller id.
+
+    A model supports no more than the matches it is fitted to. Images are fitted in the order of their matches, and no
+    more are when as many as wanted have more support than another has matches: most time goes into those that fit ill.
+
+    Args:
+        query: its keypoints.
+        images: map ids, distinct.
+        words: from a map id to the keypoints of that image.
+        least: that of ``supporting_matches``; images without support come last.
+        count: how many are returned, if there are so many.
+    """
+    matched = []
+    for m in images:
+        other = words(m)
+        matches = _at_hand(query.descriptors.tobytes(), other.descriptors.tobytes())
+        matched.append((-len(matches[0]), m, other, matches))
+    found: list[Supported] = []
+    for negative, m, other, matches in sorted(matched, key=lambda one: one[:2]):
+        if len(found) == count and len(found[-1].mine) > -negative:
+            break
+        found.append(Supported(m, other, *_fitting(query, other, matches, least)))
+        found = sorted(found, key=lambda one: (-len(one.mine), one.image))[:count]
+    return found
 
 
 def _fitting(query: Features, other: Features, matches: Matches, least: int) -> Matches:

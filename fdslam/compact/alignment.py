@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fdslam.bow.verification import supporting_matches
+from fdslam.bow.verification import best_supported
 from fdslam.compact.flow import Flow, flow
 from fdslam.config import Alignment
 from fdslam.types import Features
@@ -57,10 +57,8 @@ def align(
         sizes: from a map id to that image's height and width, pixels.
         config: how many are returned at most.
     """
-    found = []
-    for m in images:
-        other = words(m)
-        mine, theirs = supporting_matches(query, other, LEAST)
-        if len(mine):
-            found.append(Aligned(m, other, query.xy[mine], other.xy[theirs], size, sizes(m)))
-    return sorted(found, key=lambda one: (-len(one.here), one.image))[: config.images]
+    return [
+        Aligned(one.image, one.other, query.xy[one.mine], one.other.xy[one.theirs], size, sizes(one.image))
+        for one in best_supported(query, images, words, LEAST, config.images)
+        if len(one.mine)
+    ]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fdslam.bow.alignment import predicted
 from fdslam.bow.around import NONE, candidates, nearest_around
-from fdslam.bow.verification import supporting_matches
+from fdslam.bow.verification import best_supported
 from fdslam.config import Support, part
 from fdslam.context import Context
 from fdslam.store import Arrays, Key, Stage
@@ -44,15 +44,10 @@ def support(
     Returns:
         int64 [n] bits, the smallest over the images; NONE where there is no word.
     """
-    matched = []
-    for m in images:
-        other = words(m)
-        mine, theirs = supporting_matches(query, other, LEAST)
-        matched.append((-len(mine), m, mine, theirs, other))
     best = np.full(len(query.xy), NONE)
-    for _, _, mine, theirs, other in sorted(matched, key=lambda one: one[:2])[: config.support_images]:
-        at = predicted(query.xy, query.xy[mine], other.xy[theirs], side)
-        found = nearest_around(query.descriptors, at, other, config.support_radius / 100 * side)
+    for one in best_supported(query, images, words, LEAST, config.support_images):
+        at = predicted(query.xy, query.xy[one.mine], one.other.xy[one.theirs], side)
+        found = nearest_around(query.descriptors, at, one.other, config.support_radius / 100 * side)
         np.minimum(best, found, out=best)
     return best
 

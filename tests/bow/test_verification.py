@@ -176,3 +176,26 @@ def test_matches_at_hand_are_those_that_would_be_made(monkeypatch):
     assert len(supporting_matches(query, less, 4)[0]) < len(supporting_matches(query, other, 4)[0])
     none = Features(other.xy[:0], other.descriptors[:0])
     assert all(len(one) == 0 for pair in ((query, none), (none, query)) for one in supporting_matches(*pair, 8))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 9])
+def test_the_best_supported_are_those_of_all_and_no_more_are_fitted_than_it_takes(count, monkeypatch):
+    query, other = seen_from_elsewhere(3)
+    sizes = [30, 60, 0, 45, 60, 20]  # of the views; equal ones go by their id, 0 has nothing
+    images = {m: Features(other.xy[20 : 20 + n], other.descriptors[20 : 20 + n]) for m, n in enumerate(sizes)}
+    images[6] = features(9, 300)  # another place
+    strewn = np.concatenate([other.xy[20:38], features(9, 32).xy])  # many matches, of which few fit
+    images[7] = Features(strewn, other.descriptors[20:70])
+    expected = sorted((-len(supporting_matches(query, images[m], 8)[0]), m) for m in images)[:count]
+    fitted = []
+    fit = verification._fitting
+    monkeypatch.setattr(
+        verification, "_fitting", lambda q, o, matches, least: fitted.append(o) or fit(q, o, matches, least)
+    )
+    found = verification.best_supported(query, [7, 6, 5, 4, 3, 2, 1, 0], images.__getitem__, 8, count)
+    assert len(fitted) == {1: 2, 2: 2, 3: 4, 9: 8}[count]
+    assert [(-len(one.mine), one.image) for one in found] == expected
+    for one in found:
+        assert one.other is images[one.image]
+        for mine, theirs in zip((one.mine, one.theirs), supporting_matches(query, one.other, 8), strict=True):
+            assert np.array_equal(mine, theirs)
