@@ -19,13 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fdslam.compact.map import learned
 from fdslam.compose import configured
 from fdslam.config import Config
-from fdslam.data.images import is_file
-from fdslam.data.live import frames_of
+from fdslam.data.live import frames_of, poses_of
 from fdslam.detection import Detection, detections
 from fdslam.detectors.registry import DETECTORS
 from fdslam.errors import InputError
+from fdslam.growth import check_growth
 from fdslam.layers import Copying, Layered, Sealed
 from fdslam.mapping import BowMap
 from fdslam.models import load_models, out_of_their_world
@@ -35,12 +36,11 @@ from fdslam.provenance import Stopwatch
 from fdslam.queries import Located, context_of, locate, see
 from fdslam.saved import ARTEFACTS, ROW, Manifest, new_folder, read_manifest
 from fdslam.settings import as_words, check_live
-from fdslam.store import Store, sha256_file
+from fdslam.store import Store
 from fdslam.types import Dataset, Frame
 
 log = logging.getLogger(__name__)
 ROWS = {"paper": "FD", "tuned": "FD", "raw": "CC", "best": "FD+CC+EF"}  # of each mode, what is detected with
-GROWING = ("FD", "PC")  # detectors that look at each map image once: the others look at all of them again
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,13 @@ class _Map:
 
     dataset: Dataset  # without queries
     bow: BowMap
+    config: Config  # with how many of its images were learned from
 
 
 class ChangeDetector:
     """Where an image was taken, and what has changed there since the map was made.
 
-    ``row`` is what is detected with, e.g. ``"FD+CC+EF"``, and ``config`` the whole configuration.
+    ``row`` is what is detected with, e.g. ``"FD+CC+EF"``.
 
     Any number of threads may call ``detect`` while another updates: each sees the map before or after. Results depend
     on images and settings alone, and are those of ``python -m fdslam.run`` on the same images, to the last bit.
@@ -89,15 +90,20 @@ class ChangeDetector:
         words = [f"{key}={value}" for key, value in self._words.items()]
         rows = ",".join(f"'{row}'" for row in dict.fromkeys((*self.row.split("+"), self.row)))
         # The data set is never read.
-        self.config: Config = configured(["dataset=folder", "dataset.root=.", f"mix.rows=[{rows}]", *words])
-        check_live(self.config)
-        self._models = load_models(self.config)
+        self._config: Config = configured(["dataset=folder", "dataset.root=.", f"mix.rows=[{rows}]", *words])
+        check_live(self._config)
+        self._models = load_models(self._config)
         self._temporary = None if store else tempfile.TemporaryDirectory(prefix="fdslam-")
         self._store: Store = Store(self._temporary.name if self._temporary else os.path.expanduser(store or ""))
-        if notice := out_of_their_world(self.config):
+        if notice := out_of_their_world(self._config):
             log.warning(notice)
         self._lock = threading.Lock()  # of fit and update
         self._map: _Map | None = None
+
+    @property
+    def config(self) -> Config:
+        """The whole configuration; of a map that grew without learning again, as ``compact.learned`` says, too."""
+        return self._config if self._map is None else self._map.config
 
     def __len__(self) -> int:
         """Return the number of map images."""
@@ -119,28 +125,37 @@ class ChangeDetector:
         """
         with self._working() as folder, self._lock:
             frames = frames_of(images, folder)
-            self._replace(self._fitted(frames, _poses(poses, len(frames))))
+            self._replace(self._fitted(frames, poses_of(poses, len(frames))))
         return self
 
-    def update(self, images: Any, poses: ArrayLike | None = None) -> ChangeDetector:
-        """Append images to the map; arguments as ``fit``. The result is that of a fit on all images.
+    def update(self, images: Any, poses: ArrayLike | None = None, learn: bool = True) -> ChangeDetector:
+        """Append images to the map; a folder that it was loaded from stays as it is.
 
-        FD and PC look at the new images alone. Other detectors learn from all map images, so those of ``fit`` must
-        still be where they were, and as they were: images that came from memory are not kept. A folder that the map
-        was loaded from stays as it is.
+        FD and PC look at the new images alone. Other detectors learn from map images, so those of before must still be
+        where they were, and as they were, if they are to learn again: images that came from memory are not kept.
+
+        Args:
+            images: as ``fit``.
+            poses: as ``fit``, of the new images.
+            learn: learn from all images again: the result is that of a fit on all of them. Or else keep what was
+                learned (CC, WC, MW, EF): the result is that of a fit with ``compact.learned``, the number of the images
+                that were learned from, and needs no old image.
 
         Raises:
-            InputError: as ``fit``, or a map image that is needed again and is gone or another. The map then stays as
-                it was.
+            InputError: as ``fit``, or a map image that is needed again and is gone or another, or AD without ``learn``.
+                The map then stays as it was.
         """
         with self._working() as folder, self._lock:
-            old = self._fitted_map().dataset
+            fitted = self._fitted_map()
+            old = fitted.dataset
             frames = (*old.map, *frames_of(images, folder, len(old.map)))
-            self._check_kept(old.map)
-            more = _poses(poses, len(frames) - len(old.map))
+            check_growth(self.config.mix.detectors, old.map, learn)
+            more = poses_of(poses, len(frames) - len(old.map))
             if (old.poses is None) != (more is None):
                 raise InputError("update: give poses for all map images, or for none")
-            self._replace(self._fitted(frames, None if more is None else np.concatenate([old.poses, more])))
+            together = None if more is None else np.concatenate([old.poses, more])
+            taught = 0 if learn else learned(fitted.config.compact, len(old.map))
+            self._replace(self._fitted(frames, together, taught))
         return self
 
     def detect(self, image: Any) -> Detection:
@@ -175,8 +190,8 @@ class ChangeDetector:
         with silence(not self._verbose), single_threaded_inside():
             store = Layered(self._store, above)
             data = replace(fitted.dataset, query=tuple(frames))
-            located = locate(self.config, data, self._models, store, watch, fitted.bow.on(store))
-            return outcome_of(self.config, [see(self.config, located, store, watch)], watch)
+            located = locate(fitted.config, data, self._models, store, watch, fitted.bow.on(store))
+            return outcome_of(fitted.config, [see(fitted.config, located, store, watch)], watch)
 
     def save(self, folder: str | os.PathLike[str]) -> None:
         """Write the map to a folder; a map that was saved there is replaced.
@@ -192,7 +207,8 @@ class ChangeDetector:
             copying = Copying(self._store, copy)
             self._prepare(replace(fitted, bow=fitted.bow.on(copying)), copying)
             fitted.bow.bag.save(fitted.bow.on(copy).file)
-            Manifest.of({**self._words, ROW: self.row}, fitted.dataset).write(made)
+            words = {**self._words, ROW: self.row}
+            Manifest.of(words, fitted.dataset, fitted.config.compact.learned).write(made)
 
     @classmethod
     def load(
@@ -222,7 +238,7 @@ class ChangeDetector:
         sealed = Sealed(root / ARTEFACTS)
         data = saved.dataset()
         bow = BowMap(data.map, made.config.bow, made._models.library, sealed, made.config.workers)
-        made._map = _Map(data, bow)
+        made._map = _Map(data, bow, made._taught(saved.learned))
         try:
             with silence(not verbose), single_threaded_inside():
                 made._prepare(made._map, sealed)
@@ -252,13 +268,18 @@ class ChangeDetector:
         if old.bow.file.is_relative_to(self._temporary.name):
             old.bow.file.unlink(missing_ok=True)
 
-    def _fitted(self, frames: tuple[Frame, ...], poses: np.ndarray | None) -> _Map:
+    def _taught(self, images: int) -> Config:
+        """Return the configuration with another number of images that are learned from; 0: the one that was given."""
+        config = self._config
+        return replace(config, compact=replace(config.compact, learned=images)) if images else config
+
+    def _fitted(self, frames: tuple[Frame, ...], poses: np.ndarray | None, taught: int = 0) -> _Map:
         if self.config.ad.places == "pose" and poses is None and "AD" in self.config.mix.detectors:
             raise InputError("ad=pose: give fit the poses of the map images, or choose ad=appearance or ad=time")
         times = np.arange(len(frames), dtype=np.float64)
         data = Dataset("live", frames, (), None, None, None, poses, times)
         bow = BowMap(frames, self.config.bow, self._models.library, self._store, self.config.workers)
-        fitted = _Map(data, bow)
+        fitted = _Map(data, bow, self._taught(taught))
         with silence(not self._verbose), single_threaded_inside():
             self._prepare(fitted, self._store)
         return fitted
@@ -267,32 +288,6 @@ class ChangeDetector:
         """Make, and read, all that the map keeps."""
         fitted.bow.prepare()  # what it knows from now on every look at a query shares
         located = Located(fitted.dataset, (), (), None, fitted.bow, 0.0, self._models.looks)
-        context = context_of(self.config, located, store)
-        for name in self.config.mix.detectors:
+        context = context_of(fitted.config, located, store)
+        for name in fitted.config.mix.detectors:
             DETECTORS[name].prepare(context)
-
-    def _check_kept(self, frames: Sequence[Frame]) -> None:
-        again = [name for name in self.config.mix.detectors if name not in GROWING]
-        looked = frames if again else ()
-        gone = [frame.name for frame in looked if not is_file(frame.path)]
-        other = [] if gone else [frame.name for frame in looked if sha256_file(frame.path) != frame.digest]
-        for names, what in ((gone, "gone"), (other, "others than they were")):
-            if names:
-                raise InputError(
-                    f"update: {', '.join(again)} learn from all map images, and {len(names)} are {what}, the first "
-                    f"{names[0]}; fit all images again, or detect with FD or PC, which look at each once"
-                )
-
-
-def _poses(poses: ArrayLike | None, count: int) -> np.ndarray | None:
-    if poses is None:
-        return None
-    try:
-        found = np.asarray(poses, np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"poses: no array of numbers ({error}); give [{count}, 3]: x, y, heading") from error
-    if found.shape != (count, 3) or not np.isfinite(found).all():
-        raise InputError(
-            f"poses: an array of shape {found.shape}; finite numbers [{count}, 3] are needed: x, y, heading"
-        )
-    return found

@@ -78,6 +78,10 @@ class Words(Protocol):
         """Return the bytes per map image of which word was seen where."""
         ...
 
+    def first(self, images: int) -> Words:
+        """Return the map as it was when it held so many images."""
+        ...
+
 
 @dataclass(frozen=True)
 class Context:

@@ -33,6 +33,7 @@ EPILOG = """examples:
   python -m fdslam.detect --map photos/before photos/after
   python -m fdslam.detect --map photos/before --save before.map          build the map once,
   python -m fdslam.detect --map before.map photos/after walk.mp4         and use it without its photos
+  python -m fdslam.detect --map before.map --add photos/after --save after.map      let it grow
   python -m fdslam.detect --map photos/before a.jpg --json               for scripts
 exit status: 0 done, 2 something that the line on standard error says how to mend, 130 interrupted"""
 
@@ -53,6 +54,14 @@ def options() -> argparse.ArgumentParser:
         type=Path,
         metavar="DIR",
         help="a folder of images in the order of the path, or a saved map",
+    )
+    add(
+        "--add",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="DIR",
+        help="a folder of images taken since, which the map grows by; it keeps what it has learned",
     )
     add("--save", type=Path, metavar="DIR", help="save the map, which then does without its images")
     add("--mode", default="best", help="paper, tuned, raw or best (the default), see docs/modes.md")
@@ -84,6 +93,9 @@ def check(asked: argparse.Namespace) -> None:
         raise InputError("no QUERY given: name images, folders or videos, or --save DIR to build the map alone")
     if not asked.map.exists():
         raise InputError(f"--map {asked.map}: no such folder; give one with images, or a saved map")
+    for added in asked.add:
+        if not added.is_dir():
+            raise InputError(f"--add {added}: no such folder; give one with images")
     for query in map(Path, asked.query):
         if not query.exists():
             raise InputError(f"{query}: no such image, folder or video")
@@ -140,17 +152,36 @@ def detector_of(asked: argparse.Namespace) -> ChangeDetector:
 
 def detect(asked: argparse.Namespace) -> str:
     """Do what was asked for; return what is to be printed."""
+    from fdslam.data.live import images_in
+    from fdslam.report.findings import findings
+
     watch = Stopwatch()
     out = asked.out or Path("outputs") / "detect" / time.strftime("%Y-%m-%d_%H-%M-%S")
     with tempfile.TemporaryDirectory(prefix="fdslam-") as folder, warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="PIL")  # of a torn file, just before the error that names it
         frames = list(frames_in(asked.query, asked.every, Path(folder)))  # what is no image is told before the map
+        for added in asked.add:
+            images_in(added)
         with watch.stage("map"):
             detector = detector_of(asked)
+            for added in asked.add:
+                detector.update(added, learn=False)
         if asked.save is not None:
             detector.save(asked.save)
             say(f"map of {len(detector)} images saved to {asked.save}")
-        return _found(asked, detector, frames, out, watch) if frames else ""
+        if frames:
+            return _found(asked, detector, frames, out, watch)
+        return json.dumps(findings([], _about(asked, detector))) if asked.json else ""
+
+
+def _about(asked: argparse.Namespace, detector: ChangeDetector) -> dict[str, Any]:
+    return {
+        "mode": detector.config.mode,
+        "detectors": detector.row,
+        "share": asked.share,
+        "map": str(asked.map),
+        "map_images": len(detector),
+    }
 
 
 def _found(
@@ -166,8 +197,7 @@ def _found(
     outcome = detector.outcome(frames, Store(asked.store), watch)
     outcome = replace(outcome, dataset=replace(outcome.dataset, name=asked.map.name))
     found = [(one, one.candidates(asked.share, asked.top)) for one in detections(outcome, detector.row)]
-    about = {"mode": detector.config.mode, "detectors": detector.row, "share": asked.share, "map": str(asked.map)}
-    told = findings(found, about)
+    told = findings(found, _about(asked, detector))
     with watch.stage("pictures"):
         names = picture_names([frame.name for frame in frames])
         drawn = list(zip(frames, found, names, strict=True))

@@ -71,6 +71,14 @@ class BowMap:
         other.proposals = Proposals(self.library, store, self.workers)
         return other
 
+    def first(self, images: int) -> BowMap:
+        """Return the map as it was when it held so many images."""
+        other = copy(self)
+        other.frames, other.keys = self.frames[:images], self.keys[:images]
+        for made in ("bag", "_held_words"):
+            other.__dict__.pop(made, None)
+        return other
+
     def prepare(self) -> None:
         """Make what is kept of the map images, and read all of it."""
         _ = self.bag

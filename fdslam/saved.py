@@ -31,15 +31,16 @@ class Manifest:
     words: dict[str, str]  # key -> value, as on the command line
     frames: tuple[Frame, ...]  # names, digests and sizes; the path is where the image was
     poses: list[list[float]] | None
+    learned: int  # ``compact.learned``, where the map grew and kept what it had learned, or 0
 
     @classmethod
-    def of(cls, words: Mapping[str, str], data: Dataset) -> Manifest:
+    def of(cls, words: Mapping[str, str], data: Dataset, learned: int) -> Manifest:
         """Return the manifest of a map; files that the settings name are then found from anywhere."""
         absolute = {
             key: str(Path(value.strip("'\"")).expanduser().absolute()) if key in FOLDERS and value else value
             for key, value in words.items()
         }
-        return cls(absolute, data.map, None if data.poses is None else data.poses.tolist())
+        return cls(absolute, data.map, None if data.poses is None else data.poses.tolist(), learned)
 
     def write(self, folder: Path) -> None:
         """Write it into a folder, last of all: it says that the map is whole."""
@@ -50,6 +51,7 @@ class Manifest:
             "settings": self.words,
             "images": frames,
             "poses": self.poses,
+            "learned": self.learned,
         }
         write_atomically(folder / MANIFEST, as_utf8(told))
 
@@ -91,7 +93,10 @@ def read_manifest(folder: Path) -> Manifest:
         poses = told["poses"]
         if poses is not None and np.array(poses, np.float64).shape != (len(frames), 3):
             raise ValueError("not a pose for each image")
-        return Manifest(words, frames, poses)
+        learned = int(told.get("learned", 0))
+        if not 0 <= learned <= len(frames):
+            raise ValueError(f"learned from {learned} of {len(frames)} images")
+        return Manifest(words, frames, poses, learned)
     except FileNotFoundError:
         raise InputError(
             f"{folder}: no saved map ({MANIFEST} is not there); save one with ChangeDetector.save"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from fdslam import keypoints, mapping
+from fdslam.compact.map import learned
 from fdslam.compact.source import Source
 from fdslam.compact.training import made_up
 from fdslam.config import Config
@@ -49,26 +50,27 @@ class Todo:
 
 def everything(config: Config, sizes: Outline) -> Todo:
     """Return all there is to do where images are still to be made: what comes after them is not known yet."""
-    queries, learned = sum(queries for queries, _ in sizes.pairs), sum(sizes.maps)
+    queries, mapped = sum(queries for queries, _ in sizes.pairs), sum(sizes.maps)
     costly = {"BING", "YOLO"} & {*parse_library(config.obb.library)}
     times = len({*config.evaluation.curve_Y, config.evaluation.Y})
     uses = config.mix.detectors
+    taught = [learned(config.compact, count) for count in sizes.maps] if config.mix.compact else ()
     return Todo(
         make=sizes.missing,
         masks=queries if config.mask.source == "deeplabv3plus" else 0,
         boxes=len(costly) * min(queries, sizes.images),
         features=sizes.images,
-        learn=learned,
+        learn=mapped,
         localise=queries,
         sift=sizes.images if "PC" in uses else 0,
-        train=learned if "AD" in uses else 0,
+        train=mapped if "AD" in uses else 0,
         support=queries if "FD" in uses and config.fd.support else 0,
         fd=times * queries if "FD" in uses else 0,
         pc=times * queries if "PC" in uses else 0,
         ad=(1 if config.ad.hypotheses == "top1" else times) * queries if "AD" in uses else 0,
         looks=sizes.images if config.mix.compact else 0,
         evidence=queries if config.mix.compact else 0,
-        pretend=times * sum(made_up(config.early, count) for count in sizes.maps) if "EF" in uses else 0,
+        pretend=times * sum(made_up(config.early, count) for count in taught) if "EF" in uses else 0,
     )
 
 

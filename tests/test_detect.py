@@ -141,6 +141,8 @@ def test_pictures_of_images_with_one_name_have_two():
     [
         (["--map", "/nowhere", "a.png"], "--map /nowhere: no such folder; give one with images, or a saved map"),
         (["--map", "MAP"], "no QUERY given: name images, folders or videos, or --save DIR"),
+        (["--map", "MAP", "--add", "/nowhere", "QUERY"], "--add /nowhere: no such folder; give one with images"),
+        (["--map", "MAP", "--add", "EMPTY", "QUERY"], "holds no image"),
         (["--map", "MAP", "/no.png"], "/no.png: no such image, folder or video"),
         (["--map", "MAP", "QUERY", "--share", "0"], "--share 0.0: percent of the cells"),
         (["--map", "MAP", "QUERY", "--top", "-1"], "--top and --every: 0 or more"),
@@ -274,3 +276,28 @@ def test_a_query_that_cannot_be_read_is_told_before_the_map_is_built(world, stor
     (tmp_path / "text.png").write_text("no image")
     assert command(world, store, tmp_path / "out", str(tmp_path / "text.png")) == 2
     assert "not an image" in capsys.readouterr().err
+
+
+def test_a_saved_map_grows_without_its_photos(world, store, tmp_path, capsys):
+    photos = sorted((world / "map").iterdir())
+    for name, some in (("old", photos[:6]), ("new", photos[6:])):
+        (tmp_path / name).mkdir()
+        for photo in some:
+            shutil.copy(photo, tmp_path / name)
+    query, saved = str(world / "query" / "1.png"), str(tmp_path / "saved")
+    words = ["--store", str(tmp_path / "store"), "--json", "--quiet"]
+    first = ["--map", str(tmp_path / "old"), "--detectors", "CC+EF", *WORDS, "--save", saved]
+    assert main([*first, *words]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["images"] == told["annotations"] == []
+    assert told["info"]["map_images"] == 6
+    shutil.rmtree(tmp_path / "old")
+    assert main(["--map", saved, "--add", str(tmp_path / "new"), "--save", saved, *words]) == 0
+    assert json.loads(capsys.readouterr().out)["info"]["map_images"] == 10
+    assert main(["--map", saved, "--out", str(tmp_path / "a"), *words, query]) == 0
+    grown = json.loads(capsys.readouterr().out)
+    at_once = ["--map", str(world / "map"), "--detectors", "CC+EF", *WORDS, "--set", "compact.learned=6"]
+    assert main([*at_once, "--out", str(tmp_path / "b"), "--store", str(store), "--json", "--quiet", query]) == 0
+    expected = json.loads(capsys.readouterr().out)
+    assert grown["annotations"] == expected["annotations"] != []
+    assert [one["lost"] for one in grown["images"]] == [one["lost"] for one in expected["images"]]

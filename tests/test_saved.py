@@ -45,7 +45,9 @@ def test_an_update_does_not_learn_from_what_has_taken_a_map_images_place(world, 
     images = files(world / "map")
     detector = made("CC", None).fit(images[:4])
     shutil.copy(images[5], images[1])
-    with pytest.raises(InputError, match=rf"CC learn from all map images, and 1 are others than .* {images[1]}; fit"):
+    with pytest.raises(
+        InputError, match=rf"CC learn from all map images, and 1 are others than .* {images[1]}; fit all"
+    ):
         detector.update(images[4:])
     assert len(detector) == 4
     assert len(made("FD", None, more=["fd.support=0"]).fit(images[:4]).update(images[4:])) == 6

@@ -67,7 +67,7 @@ def exchanged(ready: Prepared, own: Named) -> Iterator[tuple[str, Named]]:
     yield f"wrong map ({aligned} of {len(seen)} queries align)", untouched(replace(ready, context=wrong))
 
     over = laid_over(ready, far)
-    learner = early.trees_of(context, ready.kept)
+    learner = early.trees_of(context)
     laid: Named = {
         "CC": [compact.compared(one, config.compact) for one in over],
         "EF": maps_of(learner, [*early.rows_of(wrong, over)], own["EF"]),

@@ -47,6 +47,7 @@ def main() -> None:
     parser.add_argument("--gradients", action="store_true", help="descriptors without a network")
     parser.add_argument("--model", default="auto", choices=("auto", "map", "shipped"), help="learner of EF")
     parser.add_argument("--previous", type=int, default=0, help="queries before the present one that count too")
+    parser.add_argument("--learned", type=int, default=0, help="the first map images, the only ones learned from")
     asked = parser.parse_args()
     single_threaded()
     print(f"{HEAD}\n|---|---|---|---|---|---|---|---:|", flush=True)
@@ -54,7 +55,9 @@ def main() -> None:
     name = "gradients" if asked.gradients else Path(asked.looks or asked.yolo or "yolo_campus.onnx").stem
     for folder in asked.folders or [None]:
         base = configuration(folder, asked.yolo, asked.bing, asked.store)
-        compact = replace(base.compact, source=source, weights=asked.looks, previous=asked.previous)
+        compact = replace(
+            base.compact, source=source, weights=asked.looks, previous=asked.previous, learned=asked.learned
+        )
         early = replace(base.early, model=asked.model)
         config = replace(base, compact=compact, early=early, mix=replace(base.mix, rows=ROWS))
         outcome = run(config, Stopwatch())

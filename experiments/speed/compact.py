@@ -128,7 +128,7 @@ def measure(config: Config, queries: int, times: Sequence[int] = ()) -> str:
     ready = next(prepared(config))
     data, bow = ready.context.dataset, ready.context.bow
     ready.kept.ensure(data.map, "looks of the map")
-    trees = trees_of(ready.context, ready.kept)
+    trees = trees_of(ready.context)
     library = Library(config.obb)
     bits, posted = bow.bag.vocabulary.words.descriptors(), [bow.posted(m)[0] for m in range(len(data.map))]
     world = Synthetic.after(bits, posted, np.random.default_rng(0))

@@ -15,6 +15,7 @@ from fdslam.compact.source import Source
 from fdslam.config import Dense
 from fdslam.context import Words, ensure, load
 from fdslam.data.images import LIBRARIES, read_image
+from fdslam.errors import InputError
 from fdslam.sampling import evenly
 from fdslam.store import Arrays, Key, Stage, Store
 from fdslam.types import Features, Frame
@@ -63,6 +64,17 @@ class Placed:
         return (self.xy * (np.array([width, height]) / WHOLE)).astype(np.float32)
 
 
+def learned(config: Dense, images: int) -> int:
+    """Return how many images of a map of so many are learned from: its first ones.
+
+    Raises:
+        InputError: more than there are.
+    """
+    if config.learned > images:
+        raise InputError(f"compact.learned={config.learned}: the map has {images} images; name at most as many, or 0")
+    return config.learned or images
+
+
 class CompactMap:
     """What a map keeps of its images' looks, and where their words were; and the looks of queries beside it."""
 
@@ -74,7 +86,7 @@ class CompactMap:
         self._placed = lru_cache(RECENT)(self._unpacked)
 
     def _sample(self) -> list[Frame]:
-        return [self.frames[i] for i in evenly(len(self.frames), self.config.sample)]
+        return [self.frames[i] for i in evenly(learned(self.config, len(self.frames)), self.config.sample)]
 
     @cached_property
     def centring_key(self) -> Key:

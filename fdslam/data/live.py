@@ -10,6 +10,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from PIL import Image as Pillow
 
 from fdslam.data.images import MAX_PIXELS, MIN_SIDE, SUFFIXES, image_size
@@ -140,3 +141,22 @@ def frame_of(image: Any, folder: Path, name: str) -> Frame:
             raise InputError(f"{path}: a folder where an image is wanted; give it by itself to fit or detect_all")
         return file_frame(path)
     return frame_in(folder, as_image(image, f"image {name}"), name)
+
+
+def poses_of(poses: ArrayLike | None, count: int) -> NDArray[np.float64] | None:
+    """Return the poses of so many images, float64 [count, 3] x, y in metres and heading in radians; None for none.
+
+    Raises:
+        InputError: no finite numbers of that shape.
+    """
+    if poses is None:
+        return None
+    try:
+        found = np.asarray(poses, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"poses: no array of numbers ({error}); give [{count}, 3]: x, y, heading") from error
+    if found.shape != (count, 3) or not np.isfinite(found).all():
+        raise InputError(
+            f"poses: an array of shape {found.shape}; finite numbers [{count}, 3] are needed: x, y, heading"
+        )
+    return found

@@ -7,12 +7,13 @@ The paper names it as future work. It is trained while the map is built, on chan
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.compact.features import features
-from fdslam.compact.map import CompactMap
+from fdslam.compact.map import learned
 from fdslam.compact.shipped import shipped_trees
 from fdslam.compact.training import fd_of, lacking, made_up, trained
 from fdslam.compact.trees import Trees
@@ -23,18 +24,32 @@ from fdslam.store import Arrays
 from fdslam.types import grid_shape
 
 
-def trees_of(context: Context, kept: CompactMap) -> Trees:
+def as_learned(context: Context) -> Context:
+    """Return the run as it was when its map held none but the images that are learned from."""
+    data, bow = context.dataset, context.bow
+    images = learned(context.config.compact, len(data.map))
+    if images == len(data.map):
+        return context
+    assert bow is not None  # the pipeline gives it
+    poses = None if data.poses is None else data.poses[:images]
+    then = replace(data, map=data.map[:images], poses=poses, times=data.times[:images])
+    return replace(context, dataset=then, bow=bow.first(images))
+
+
+def trees_of(context: Context) -> Trees:
     """Return the learner that the configuration wants."""
-    if not made_up(context.config.early, len(context.dataset.map)):
+    then = as_learned(context)
+    if not made_up(context.config.early, len(then.dataset.map)):
         return shipped_trees(context.config)
-    return trained(context, kept)
+    return trained(then, compact_map(then))
 
 
 def missing(context: Context) -> int:
     """Count the map images in which changes are still to be made up."""
-    if not made_up(context.config.early, len(context.dataset.map)):
+    then = as_learned(context)
+    if not made_up(context.config.early, len(then.dataset.map)):
         return 0
-    return lacking(context, compact_map(context))
+    return lacking(then, compact_map(then))
 
 
 def rows_of(context: Context, seen: Sequence[Arrays]) -> Iterator[NDArray[np.float32]]:
@@ -48,15 +63,15 @@ def rows_of(context: Context, seen: Sequence[Arrays]) -> Iterator[NDArray[np.flo
 def prepare(context: Context) -> None:
     """Make and read the compact map, and the learner."""
     compact.prepare(context)
-    trees_of(context, compact_map(context))
+    trees_of(context)
 
 
 def detect(context: Context) -> Detected:
     """Return the LoC of every query: the log odds that a cell has changed."""
     kept = compact_map(context)
-    trees = trees_of(context, kept)
+    trees = trees_of(context)
     rows = rows_of(context, all_evidence(context, kept))
     shapes = [grid_shape(frame.height, frame.width) for frame in context.dataset.query]
     found = over_queries(context, [trees.loc(*one) for one in zip(rows, shapes, strict=True)])
-    learned = sum(array.nbytes for array in trees.arrays().values())
-    return Detected(found, kept.kept() + learned / len(context.dataset.map))
+    forest = sum(array.nbytes for array in trees.arrays().values())
+    return Detected(found, kept.kept() + forest / len(context.dataset.map))

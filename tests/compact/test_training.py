@@ -46,7 +46,7 @@ def context_of(world, store, images=None, **changes):
 
 
 def train(context):
-    return early.trees_of(context, compact_map(context))
+    return early.trees_of(context)
 
 
 def same(one, other):

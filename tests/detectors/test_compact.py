@@ -158,7 +158,7 @@ def test_what_is_kept(done):
     context = context_of(config)
     kept = compact.compact_map(context).kept()
     assert outcome.kept["CC"] == outcome.kept["WC"] == outcome.kept["MW"] == kept
-    trees = early.trees_of(context, compact.compact_map(context))
+    trees = early.trees_of(context)
     learned = sum(array.nbytes for array in trees.arrays().values())
     assert outcome.kept["EF"] == pytest.approx(kept + learned / 12)
 
