@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fdslam.errors import InputError
-from fdslam.obb.bing import Filters, bing_boxes, own_filters, proposals
+from fdslam.obb.bing import Filters, bing_boxes, gradient, own_filters, proposals
 from fdslam.obb.bing import binary as binary_module
 from fdslam.obb.bing.binary import binarise, score_map
 from fdslam.obb.bing.filters import SIZES
@@ -40,14 +40,21 @@ def filters(space="maxbgr", seed=0, sizes=(0, 1, 6, 7, 8, 14, 21)):
     )
 
 
+@pytest.fixture(params=["compiled", "arrays"])
+def native(request, monkeypatch):
+    """Gradients by compiled loops, and without."""
+    if request.param == "arrays":
+        monkeypatch.setattr(gradient, "NATIVE", False)
+
+
 @pytest.mark.parametrize("space", SPACES)
 @pytest.mark.parametrize("shape", [(1, 1), (1, 2), (2, 1), (1, 9), (9, 1), (2, 3), (3, 2), (17, 23)])
-def test_gradient(space, shape):
+def test_gradient(space, shape, native):
     for image in (noise(*shape), noise(*shape, levels=4), blocks(*shape)):
         assert np.array_equal(normed_gradient(image, space), reference.gradient(image, space))
 
 
-def test_gradients_saturate():
+def test_gradients_saturate(native):
     step = np.zeros((9, 9, 3), np.uint8)
     step[5:, 5:] = [100, 200, 250]
     step[:2, :2] = 255

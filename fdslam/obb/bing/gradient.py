@@ -13,12 +13,11 @@ published with it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fdslam.native import NATIVE, njit
 from fdslam.types import Image
 
 Gradient = NDArray[np.uint8]  # [H, W]
@@ -57,28 +56,54 @@ def _summed(planes: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     return np.minimum(total, 255).astype(np.uint8)
 
 
-def _normed(image: NDArray[np.uint8], along: Callable[[list[NDArray[np.uint8]]], NDArray[np.uint8]]) -> Gradient:
-    planes = [np.asarray(plane, np.uint8) for plane in cv2.split(image)]
-    rows = along(planes)
+def _by_arrays(values: NDArray[np.uint8], summed: bool, out: Gradient) -> None:
+    """Write the normed gradient of an image in its colour space, [H, W, channels], to ``out``."""
+    along = _summed if summed else _largest
+    planes = [np.ascontiguousarray(values[..., channel]) for channel in range(values.shape[2])]
     columns = along([np.ascontiguousarray(plane.T) for plane in planes])
-    return np.asarray(cv2.add(rows, np.ascontiguousarray(columns.T)), np.uint8)  # saturates
+    out[...] = np.asarray(cv2.add(along(planes), np.ascontiguousarray(columns.T)), np.uint8)  # saturates
 
 
-def _maxbgr(image: Image) -> Gradient:
-    return _normed(image, _largest)
+@njit
+def _by_loops(values, summed, out):
+    """Write the same, by compiled loops."""
+    height, width, channels = values.shape
+    for y in range(height):
+        above, below = max(y - 1, 0), min(y + 1, height - 1)
+        for x in range(width):
+            left, right = max(x - 1, 0), min(x + 1, width - 1)
+            across = down = np.int64(0)
+            for channel in range(channels):
+                dx = abs(np.int64(values[y, right, channel]) - np.int64(values[y, left, channel]))
+                dy = abs(np.int64(values[below, x, channel]) - np.int64(values[above, x, channel]))
+                if summed:
+                    across += dx
+                    down += dy
+                else:
+                    across, down = max(across, dx), max(down, dy)
+            edge_x, edge_y = x == 0 or x == width - 1, y == 0 or y == height - 1
+            if summed:
+                across //= 1 if edge_x else 2
+                down //= 1 if edge_y else 2
+            else:
+                across *= 2 if edge_x else 1
+                down *= 2 if edge_y else 1
+            out[y, x] = min(across + down, 255)
 
 
-def _hsv(image: Image) -> Gradient:
-    return _normed(np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2HSV), np.uint8), _summed)
-
-
-def _grey(image: Image) -> Gradient:
-    return _normed(np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8), _largest)
-
-
-SPACES: dict[str, Callable[[Image], Gradient]] = {"maxbgr": _maxbgr, "hsv": _hsv, "grey": _grey}
+# The code that turns an image into the values of a space, and whether differences are summed over its channels.
+SPACES: dict[str, tuple[int | None, bool]] = {
+    "maxbgr": (None, False),
+    "hsv": (cv2.COLOR_RGB2HSV, True),
+    "grey": (cv2.COLOR_RGB2GRAY, False),
+}
 
 
 def normed_gradient(image: Image, space: str) -> Gradient:
     """Return the normed gradient, uint8 [H, W], of an image (uint8 RGB [H, W, 3]) in a colour space of SPACES."""
-    return SPACES[space](image)
+    code, summed = SPACES[space]
+    values = image if code is None else np.asarray(cv2.cvtColor(image, code), np.uint8)
+    out = np.empty(image.shape[:2], np.uint8)
+    measure = _by_loops if NATIVE else _by_arrays
+    measure(np.ascontiguousarray(values.reshape(*out.shape, -1)), summed, out)
+    return out

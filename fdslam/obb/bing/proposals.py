@@ -8,8 +8,9 @@ windows of all sizes (and of all colour spaces, if several are used) are ranked 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import cv2
 import numpy as np
@@ -60,11 +61,10 @@ def resized_shape(image: Image, size: tuple[int, int]) -> tuple[int, int] | None
     return height, width
 
 
-def size_gradient(image: Image, space: str, shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return the normed gradient of the image resized to ``shape`` = (height, width)."""
+def resized(image: Image, shape: tuple[int, int]) -> Image:
+    """Return the image resized to ``shape`` = (height, width)."""
     # Bilinear as the published filters were trained, in whole numbers: the same on every machine.
-    small = cv2.resize(image, shape[::-1], interpolation=cv2.INTER_LINEAR_EXACT)
-    return normed_gradient(np.asarray(small, np.uint8), space)
+    return np.asarray(cv2.resize(image, shape[::-1], interpolation=cv2.INTER_LINEAR_EXACT), np.uint8)
 
 
 def window_boxes(places: NDArray[np.int64], shape: tuple[int, int], image: Image) -> NDArray[np.int64]:
@@ -81,8 +81,14 @@ def window_boxes(places: NDArray[np.int64], shape: tuple[int, int], image: Image
     return np.rint(corners * [width, height, width, height] / [shape[1], shape[0], shape[1], shape[0]]).astype(np.int64)
 
 
-def candidates(image: Image, filters: Filters) -> list[Candidates | None]:
-    """Return what stage I lets through of each of ``filters.sizes``; None for a size that is left out."""
+def candidates(
+    image: Image, filters: Filters, smaller: Callable[[tuple[int, int]], Image] | None = None
+) -> list[Candidates | None]:
+    """Return what stage I lets through of each of ``filters.sizes``; None for a size that is left out.
+
+    ``smaller`` gives the image at a shape, where somebody remembers what was made for another colour space.
+    """
+    smaller = smaller or partial(resized, image)
     beta, signs = binarise(filters.first)
     found: list[Candidates | None] = []
     for index in filters.sizes.tolist():
@@ -90,7 +96,7 @@ def candidates(image: Image, filters: Filters) -> list[Candidates | None]:
         if shape is None:
             found.append(None)
             continue
-        scores: Scores = score_map(size_gradient(image, filters.space, shape), beta, signs)
+        scores: Scores = score_map(normed_gradient(smaller(shape), filters.space), beta, signs)
         places = best_windows(scores, RADIUS, PER_SIZE)
         found.append(Candidates(window_boxes(places, shape, image), scores.ravel()[places]))
     return found
@@ -117,10 +123,11 @@ def proposals(
     """
     rgb = colour(image)
     several = (filters,) if isinstance(filters, Filters) else filters
+    smaller = cache(partial(resized, rgb))
     boxes: list[NDArray[np.int64]] = [np.empty((0, 4), np.int64)]
     scores: list[NDArray[np.float32]] = [np.empty(0, np.float32)]
     for one in several:
-        for (v, t), found in zip(one.second.astype(np.float64), candidates(rgb, one), strict=True):
+        for (v, t), found in zip(one.second.astype(np.float64), candidates(rgb, one, smaller), strict=True):
             if found is not None:
                 boxes.append(found.boxes)
                 scores.append((found.scores * v + t).astype(np.float32))

@@ -22,7 +22,8 @@ from sklearn.svm import LinearSVC
 from fdslam.errors import InputError
 from fdslam.obb.bing.binary import SIDE
 from fdslam.obb.bing.filters import SIZES, Filters
-from fdslam.obb.bing.proposals import candidates, resized_shape, size_gradient, window_boxes
+from fdslam.obb.bing.gradient import normed_gradient
+from fdslam.obb.bing.proposals import candidates, resized, resized_shape, window_boxes
 from fdslam.obb.overlap import iou
 from fdslam.progress import in_parallel
 from fdslam.types import Image
@@ -75,7 +76,8 @@ def windows(scene: Scene, space: str, beside: int, rng: np.random.Generator) -> 
         shape = resized_shape(scene.image, size)
         if shape is None:
             continue
-        every = np.lib.stride_tricks.sliding_window_view(size_gradient(scene.image, space, shape), (SIDE, SIDE))
+        gradient = normed_gradient(resized(scene.image, shape), space)
+        every = np.lib.stride_tricks.sliding_window_view(gradient, (SIDE, SIDE))
         every = every.reshape(-1, SIDE, SIDE)
         boxes = window_boxes(np.arange(len(every)), shape, scene.image)
         hit = _on_any(boxes, scene.objects)
