@@ -1,9 +1,11 @@
 """The house rule that modules import one way: each can be imported first, whatever a run happens to import before."""
 
 import ast
+import importlib
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+import experiments
 import fdslam
 
 ROOT = Path(fdslam.__file__).parent
@@ -41,3 +43,12 @@ def test_no_module_needs_one_that_needs_it():
         TopologicalSorter(graph).prepare()
     except CycleError as error:
         raise AssertionError(" needs ".join(reversed(error.args[1]))) from None
+
+
+def test_every_experiment_can_be_imported():
+    """They are run by hand, so that a name that is gone would be found late."""
+    folder = Path(experiments.__file__).parent
+    names = {".".join(path.relative_to(folder.parent).with_suffix("").parts) for path in folder.rglob("*.py")}
+    assert len(names) > 60
+    for name in sorted(names):
+        importlib.import_module(name)

@@ -16,8 +16,8 @@ from fdslam.data.campus import World
 from fdslam.obb.bing import Filters, own_filters, proposals
 from fdslam.obb.bing.binary import binarise, score_map
 from fdslam.obb.bing.filters import SIZES
-from fdslam.obb.bing.gradient import SPACES
-from fdslam.obb.bing.proposals import PER_SIZE, RADIUS, resized_shape, size_gradient
+from fdslam.obb.bing.gradient import SPACES, normed_gradient
+from fdslam.obb.bing.proposals import PER_SIZE, RADIUS, resized, resized_shape
 from fdslam.obb.bing.suppression import best_windows
 from fdslam.progress import single_threaded
 from fdslam.types import Image
@@ -40,7 +40,7 @@ def works(image: Image) -> dict[str, Callable[[], object]]:
     one = spaces["maxbgr"]
     shapes = [shape for i in one.sizes if (shape := resized_shape(image, SIZES[i])) is not None]
     beta, signs = binarise(one.first)
-    gradients = [size_gradient(image, "maxbgr", shape) for shape in shapes]
+    gradients = [normed_gradient(resized(image, shape), "maxbgr") for shape in shapes]
     scores = [score_map(gradient, beta, signs) for gradient in gradients]
 
     def baseline() -> None:
@@ -54,7 +54,7 @@ def works(image: Image) -> dict[str, Callable[[], object]]:
         **{f"50 proposals, {space}": lambda one=one: proposals(image, one, 50) for space, one in spaces.items()},
         "50 proposals, three colour spaces": lambda: proposals(image, list(spaces.values()), 50),
         "1000 proposals, maxbgr": lambda: proposals(image, one, 1000),
-        "of it resize and gradients": lambda: [size_gradient(image, "maxbgr", shape) for shape in shapes],
+        "of it resize and gradients": lambda: [normed_gradient(resized(image, shape), "maxbgr") for shape in shapes],
         "of it score maps": lambda: [score_map(gradient, beta, signs) for gradient in gradients],
         "of it suppression": lambda: [best_windows(s, RADIUS, PER_SIZE) for s in scores],
         "50 proposals, the package's filters": lambda: proposals(image, own_filters(), 50),
