@@ -6,9 +6,10 @@ import sys
 
 import pytest
 
-from experiments.speed import autoencoders, compact, comparison, kernels, localization, query, stages
+from experiments.speed import autoencoders, compact, comparison, kernels, localization, query, stages, update
 from fdslam.localization import localize
 from tests.compact.walks import config_for, walk
+from tests.test_api import SETTINGS
 
 
 def test_localization_writes_the_figures_that_are_promised(monkeypatch, tmp_path, capsys):
@@ -159,3 +160,19 @@ def test_a_query_in_mode_best_takes_every_stage_and_finds_its_place_in_larger_ma
     small, large = found[:3], found[3:]  # the first of each loads the kernels
     assert [one.ranks.shape[1] for one in (*small, *large)] == [12] * 3 + [48] * 3
     assert [one.strong[0] for one in small] == [one.strong[0] for one in large]
+
+
+def test_an_update_is_timed_with_and_without_learning_again(tmp_path, monkeypatch):
+    photos = sorted((walk(tmp_path / "world", count=14) / "map").iterdir())
+    grown = []
+    plain = update.ChangeDetector.update
+
+    def noted(detector, images, learn):
+        plain(detector, images, learn=learn)
+        grown.append((len(detector), detector.config.compact.learned))
+
+    monkeypatch.setattr(update.ChangeDetector, "update", noted)
+    rows = [line.strip("| ").split(" | ") for line in update.lines(photos, 6, SETTINGS)]
+    assert [row[:2] for row in rows] == [["6 + 8", "keeps what it learned"], ["6 + 8", "learns again"]]
+    assert grown == [(14, 6), (14, 0)]
+    assert all(float(row[2]) > 0 for row in rows)

@@ -34,6 +34,7 @@ ONLY_READ = {
         "python -m experiments.speed.query --threads 2 --memory 1000",
         f"python -m experiments.speed.compact {_D}/camvid_generic {_COMPACT} --times 4 16",
         "python -m experiments.speed.bing",
+        f"python -m experiments.speed.update {_D}/camvid_generic {_COMPACT}",
         "python -m experiments.speed.growth --plot growth.png",
         "python -m experiments.speed.autoencoders",
         "python -m experiments.speed.autoencoders --channels 4 --pixels 3072",
