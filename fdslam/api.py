@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fdslam.compact.map import learned
 from fdslam.compose import configured
 from fdslam.config import Config
+from fdslam.context import learned
 from fdslam.data.live import frames_of, poses_of
 from fdslam.detection import Detection, detections
 from fdslam.detectors.registry import DETECTORS
 from fdslam.errors import InputError
-from fdslam.growth import check_growth
+from fdslam.growth import check_photos
 from fdslam.layers import Copying, Layered, Sealed
 from fdslam.mapping import BowMap
 from fdslam.models import load_models, out_of_their_world
@@ -102,7 +102,7 @@ class ChangeDetector:
 
     @property
     def config(self) -> Config:
-        """The whole configuration; of a map that grew without learning again, as ``compact.learned`` says, too."""
+        """The whole configuration; ``learned`` says what a map that grew has learned from."""
         return self._config if self._map is None else self._map.config
 
     def __len__(self) -> int:
@@ -137,24 +137,25 @@ class ChangeDetector:
         Args:
             images: as ``fit``.
             poses: as ``fit``, of the new images.
-            learn: learn from all images again: the result is that of a fit on all of them. Or else keep what was
-                learned (CC, WC, MW, EF): the result is that of a fit with ``compact.learned``, the number of the images
-                that were learned from, and needs no old image.
+            learn: learn again, from all images unless the settings say ``learned=N``: the result is that of a fit on
+                all of them. Or else keep what was learned: the result is that of a fit with ``learned=N``, the number
+                of the images that were learned from, and needs no old image.
 
         Raises:
-            InputError: as ``fit``, or a map image that is needed again and is gone or another, or AD without ``learn``.
-                The map then stays as it was.
+            InputError: as ``fit``, or a map image that is needed again and is gone or another. The map then stays as
+                it was.
         """
         with self._working() as folder, self._lock:
             fitted = self._fitted_map()
             old = fitted.dataset
             frames = (*old.map, *frames_of(images, folder, len(old.map)))
-            check_growth(self.config.mix.detectors, old.map, learn)
+            if learn and not 0 < self._config.learned == fitted.config.learned:
+                check_photos(self.config.mix.detectors, old.map)
             more = poses_of(poses, len(frames) - len(old.map))
             if (old.poses is None) != (more is None):
                 raise InputError("update: give poses for all map images, or for none")
             together = None if more is None else np.concatenate([old.poses, more])
-            taught = 0 if learn else learned(fitted.config.compact, len(old.map))
+            taught = 0 if learn else learned(fitted.config, len(old.map))
             self._replace(self._fitted(frames, together, taught))
         return self
 
@@ -208,7 +209,7 @@ class ChangeDetector:
             self._prepare(replace(fitted, bow=fitted.bow.on(copying)), copying)
             fitted.bow.bag.save(fitted.bow.on(copy).file)
             words = {**self._words, ROW: self.row}
-            Manifest.of(words, fitted.dataset, fitted.config.compact.learned).write(made)
+            Manifest.of(words, fitted.dataset, fitted.config.learned).write(made)
 
     @classmethod
     def load(
@@ -225,8 +226,8 @@ class ChangeDetector:
             InputError: no such map, a damaged one, or one saved by a version of fdslam that computes otherwise.
         """
         root = Path(folder).expanduser()
-        saved = read_manifest(root)
-        words = saved.words | as_words(settings)
+        saved, given = read_manifest(root), as_words(settings)
+        words = saved.words | given
         mode, row = words.pop("mode"), words.pop(ROW)
         try:
             made = cls(mode, row, [f"{key}={value}" for key, value in words.items()], verbose=verbose)
@@ -238,7 +239,7 @@ class ChangeDetector:
         sealed = Sealed(root / ARTEFACTS)
         data = saved.dataset()
         bow = BowMap(data.map, made.config.bow, made._models.library, sealed, made.config.workers)
-        made._map = _Map(data, bow, made._taught(saved.learned))
+        made._map = _Map(data, bow, made._taught(0 if "learned" in given else saved.learned))
         try:
             with silence(not verbose), single_threaded_inside():
                 made._prepare(made._map, sealed)
@@ -270,12 +271,12 @@ class ChangeDetector:
 
     def _taught(self, images: int) -> Config:
         """Return the configuration with another number of images that are learned from; 0: the one that was given."""
-        config = self._config
-        return replace(config, compact=replace(config.compact, learned=images)) if images else config
+        return replace(self._config, learned=images) if images else self._config
 
     def _fitted(self, frames: tuple[Frame, ...], poses: np.ndarray | None, taught: int = 0) -> _Map:
         if self.config.ad.places == "pose" and poses is None and "AD" in self.config.mix.detectors:
             raise InputError("ad=pose: give fit the poses of the map images, or choose ad=appearance or ad=time")
+        learned(self._config, len(frames))
         times = np.arange(len(frames), dtype=np.float64)
         data = Dataset("live", frames, (), None, None, None, poses, times)
         bow = BowMap(frames, self.config.bow, self._models.library, self._store, self.config.workers)

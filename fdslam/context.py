@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fdslam.compact.source import Source
 from fdslam.config import Config
+from fdslam.errors import InputError
 from fdslam.progress import in_parallel, progress
 from fdslam.store import Arrays, Key, Stage, Store
 from fdslam.types import Dataset, Features, Frame, Image, Localization
@@ -36,6 +37,17 @@ def load(store: Store, stage: Stage, key: Key, make: Callable[[], Arrays]) -> Ar
         arrays = make()
         store.put(stage, key, arrays)
     return arrays
+
+
+def learned(config: Config, images: int) -> int:
+    """Return how many images of a map of so many are learned from: its first ones.
+
+    Raises:
+        InputError: more than there are.
+    """
+    if config.learned > images:
+        raise InputError(f"learned={config.learned}: the map has {images} images; name at most as many, or 0 for all")
+    return config.learned or images
 
 
 class Words(Protocol):
@@ -95,6 +107,15 @@ class Context:
     hypotheses: tuple[NDArray[np.int64], ...]  # per query up to Y map ids, best first
     bow: Words | None = None  # for detectors that look at keypoints
     looks: Source | None = None  # for those that look at dense descriptors
+
+    def learned(self) -> Context:
+        """Return the run as it was when its map held none but the images that are learned from."""
+        data, images = self.dataset, learned(self.config, len(self.dataset.map))
+        if images == len(data.map):
+            return self
+        poses = None if data.poses is None else data.poses[:images]
+        then = replace(data, map=data.map[:images], poses=poses, times=data.times[:images])
+        return replace(self, dataset=then, bow=None if self.bow is None else self.bow.first(images))
 
     def fetch(self, stage: Stage, keys: Sequence[Key], make: Callable[[int], Arrays], label: str) -> list[Arrays]:
         """Return the artefacts of a stage, in the order of ``keys``, making those that are not there yet.

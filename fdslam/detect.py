@@ -152,7 +152,7 @@ def detector_of(asked: argparse.Namespace) -> ChangeDetector:
 
 def detect(asked: argparse.Namespace) -> str:
     """Do what was asked for; return what is to be printed."""
-    from fdslam.data.live import images_in
+    from fdslam.data.live import file_frame, images_in
     from fdslam.report.findings import findings
 
     watch = Stopwatch()
@@ -160,8 +160,8 @@ def detect(asked: argparse.Namespace) -> str:
     with tempfile.TemporaryDirectory(prefix="fdslam-") as folder, warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="PIL")  # of a torn file, just before the error that names it
         frames = list(frames_in(asked.query, asked.every, Path(folder)))  # what is no image is told before the map
-        for added in asked.add:
-            images_in(added)
+        for image in chain.from_iterable(map(images_in, asked.add)):
+            file_frame(image)
         with watch.stage("map"):
             detector = detector_of(asked)
             for added in asked.add:

@@ -30,7 +30,7 @@ def export_autoencoders(config: Config, folder: Path) -> list[Path]:
     from fdslam.autoencoder.onnx_place import check_export, export_place
     from fdslam.context import Context
     from fdslam.data import load_datasets
-    from fdslam.pipeline import check_truth
+    from fdslam.pipeline import check_data
     from fdslam.place_models import place_labels, trained_places
     from fdslam.progress import single_threaded
     from fdslam.store import Store, write_atomically
@@ -40,7 +40,7 @@ def export_autoencoders(config: Config, folder: Path) -> list[Path]:
     store, maps, written = Store(config.store), [], []
     datasets = load_datasets(config.dataset, store, config.workers)
     for data in datasets:
-        check_truth(config, data)
+        check_data(config, data)
         context = Context(config, data, store, (), (), ())
         inner = folder / "_".join(data.pair) if data.pair is not None and len(datasets) > 1 else folder
         _refuse_others(inner, int(place_labels(context).max()) + 1)

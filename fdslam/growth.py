@@ -11,32 +11,25 @@ from fdslam.store import sha256_file
 from fdslam.types import Frame
 
 
-def check_growth(detectors: Sequence[str], frames: Sequence[Frame], learn: bool) -> None:
-    """Find what stands in the way of more images in a map.
+def check_photos(detectors: Sequence[str], frames: Sequence[Frame]) -> None:
+    """Find what stands in the way of learning again from the images of a map.
 
     Args:
         detectors: those that are used.
         frames: the images that the map has.
-        learn: whether is learned again what may stay as it is.
 
     Raises:
-        InputError: a detector cannot do without learning again, or an image that is learned from is gone or another.
+        InputError: a detector learns from them, and one is gone or another.
     """
-    always = [name for name in detectors if DETECTORS[name].learns == "again"]
-    if always and not learn:
-        raise InputError(
-            f"update: {', '.join(always)} must learn from all map images again; fit them all anew, update with "
-            "learn=True while they are still there, or detect with other detectors"
-        )
-    again = [name for name in detectors if DETECTORS[name].learns != "nothing"] if learn else []
+    again = [name for name in detectors if DETECTORS[name].learns]
     if not again:
         return
     gone = [frame.name for frame in frames if not is_file(frame.path)]
     other = [] if gone else [frame.name for frame in frames if sha256_file(frame.path) != frame.digest]
-    way_out = "fit all images again" + ("" if always else ", keep what was learned with learn=False")
     for names, what in ((gone, "gone"), (other, "others than they were")):
         if names:
             raise InputError(
                 f"update: {', '.join(again)} learn from all map images, and {len(names)} are {what}, the first "
-                f"{names[0]}; {way_out}, or detect with FD or PC, which look at each once"
+                f"{names[0]}; fit all images again, keep what was learned with learn=False, or detect with FD or PC, "
+                "which look at each once"
             )

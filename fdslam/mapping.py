@@ -82,8 +82,10 @@ class BowMap:
     def prepare(self) -> None:
         """Make what is kept of the map images, and read all of it."""
         _ = self.bag
-        for image in range(len(self.frames)):
+        for image, frame in enumerate(self.frames):
             self.posted(image)
+            if self.config.document == "obb":
+                self.proposals.of(frame)  # a map that grows is indexed anew
 
     @cached_property
     def bag(self) -> BagOfWords:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fdslam.compact.jpeg import grey_jpeg
 from fdslam.config import Config
+from fdslam.context import learned
 from fdslam.data import load_datasets, outline, outline_of
 from fdslam.errors import InputError
 from fdslam.estimate import announce
@@ -69,7 +70,7 @@ def run(config: Config, watch: Stopwatch, models: Models | None = None) -> Outco
             watch.expected = announce(config, sizes, everything(config, sizes), store)
         datasets = load_datasets(config.dataset, store, config.workers)
         for dataset in datasets:
-            check_truth(config, dataset)
+            check_data(config, dataset)
         if sizes is None or sizes.missing < sizes.images:
             todo = remaining(config, datasets, models.library, models.segmentation, store, models.looks)
             watch.expected = announce(config, outline(datasets), todo, store)
@@ -125,8 +126,9 @@ def _over_Y(
     return rows
 
 
-def check_truth(config: Config, dataset: Dataset) -> None:
-    """Find at the start, not after an hour, that the configuration wants truth which the data set does not have."""
+def check_data(config: Config, dataset: Dataset) -> None:
+    """Find at the start, not after an hour, that the configuration wants what the data set does not have."""
+    learned(config, len(dataset.map))
     if config.evaluation.viewpoint == "true" and dataset.relevant is None:
         raise InputError(
             f"evaluation.viewpoint=true: {dataset.name} has no place ground truth; add map.csv and pairs.csv to the "

@@ -18,7 +18,7 @@ from fdslam.autoencoder.together import train_together
 from fdslam.config import Autoencoder, Places, part
 from fdslam.context import Context, load
 from fdslam.data.images import LIBRARIES, read_image
-from fdslam.places import global_descriptor, place_classes, pose_vectors, time_vectors
+from fdslam.places import global_descriptor, nearest_places, place_classes, pose_vectors, time_vectors
 from fdslam.progress import progress
 from fdslam.store import Arrays, Key, Stage
 from fdslam.types import Frame
@@ -86,12 +86,13 @@ def _places_key(context: Context) -> Key:
 
 def place_labels(context: Context) -> NDArray[np.int64]:
     """Return the place of every map image, int64 [M], 0 … at most k - 1."""
-    config = context.config
+    config, then = context.config, context.learned()
 
     def cluster() -> Arrays:
-        return {"label": place_classes(_vectors(context), config.ad.k, config.seed)}
+        return {"label": place_classes(_vectors(then), config.ad.k, config.seed)}
 
-    return load(context.store, PLACES, _places_key(context), cluster)["label"]
+    label = load(context.store, PLACES, _places_key(then), cluster)["label"]
+    return label if then is context else nearest_places(_vectors(context), label)
 
 
 def _input_size(context: Context) -> tuple[int, int]:
@@ -118,12 +119,14 @@ def _members(context: Context, label: NDArray[np.int64]) -> tuple[list[list[Fram
 
 def untrained(context: Context) -> int:
     """Count the map images that are trained on; all of them where the places are not known yet."""
-    arrays = context.store.get(PLACES, _places_key(context))
+    then = context.learned()
+    every = len(then.dataset.map)
+    arrays = context.store.get(PLACES, _places_key(then))
     if arrays is None:
-        return len(context.dataset.map)
-    members, keys = _members(context, arrays["label"])
+        return every
+    members, keys = _members(then, arrays["label"])
     lacking = [len(frames) for frames, key in zip(members, keys, strict=True) if context.store.lacks(MODEL, [key])]
-    return len(context.dataset.map) if lacking and _together(context) else sum(lacking)
+    return every if lacking and _together(context) else sum(lacking)
 
 
 def _pack(model: PlaceModel) -> Arrays:
@@ -152,8 +155,8 @@ def _unpack(arrays: Arrays) -> PlaceModel:
 
 def trained_places(context: Context) -> PlaceModels:
     """Return the places with their AEs; those that are not stored yet are trained, from their checkpoints if any."""
-    label, size = place_labels(context), _input_size(context)
-    members, keys = _members(context, label)
+    label, size, then = place_labels(context), _input_size(context), context.learned()
+    members, keys = _members(then, label[: len(then.dataset.map)])
     store, address = context.store, SUMMARY.key({}, keys)
 
     def train() -> list[PlaceModel]:

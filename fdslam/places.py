@@ -97,6 +97,23 @@ def time_vectors(times: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(times, dtype=np.float64).reshape(-1, 1)
 
 
+def nearest_places(vectors: NDArray[np.floating], label: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Put images that came later into the places of those that were partitioned: the one whose mean is nearest.
+
+    Args:
+        vectors: [M, d] one vector per map image, finite; those that were partitioned come first.
+        label: [n] int64, the places of these, 0 … K - 1, every one in use.
+
+    Returns:
+        [M] int64, ``label`` and the places of the others; of places as near the first.
+    """
+    vectors = np.ascontiguousarray(vectors, dtype=np.float64)
+    mean = np.stack([vectors[: len(label)][label == place].mean(axis=0) for place in range(label.max() + 1)])
+    later = vectors[len(label) :]
+    distance = ((later[:, None] - mean[None]) ** 2).sum(axis=2)
+    return np.concatenate([label, distance.argmin(axis=1)])
+
+
 def place_classes(vectors: NDArray[np.floating], k: int, seed: int) -> NDArray[np.int64]:
     """Partition the map images into at most ``k`` place-classes by k-means (§AD).
 

@@ -31,7 +31,7 @@ class Manifest:
     words: dict[str, str]  # key -> value, as on the command line
     frames: tuple[Frame, ...]  # names, digests and sizes; the path is where the image was
     poses: list[list[float]] | None
-    learned: int  # ``compact.learned``, where the map grew and kept what it had learned, or 0
+    learned: int  # how many of them were learned from; 0: all
 
     @classmethod
     def of(cls, words: Mapping[str, str], data: Dataset, learned: int) -> Manifest:
@@ -93,8 +93,8 @@ def read_manifest(folder: Path) -> Manifest:
         poses = told["poses"]
         if poses is not None and np.array(poses, np.float64).shape != (len(frames), 3):
             raise ValueError("not a pose for each image")
-        learned = int(told.get("learned", 0))
-        if not 0 <= learned <= len(frames):
+        learned = told.get("learned", 0)
+        if type(learned) is not int or not 0 <= learned <= len(frames):
             raise ValueError(f"learned from {learned} of {len(frames)} images")
         return Manifest(words, frames, poses, learned)
     except FileNotFoundError:

@@ -15,13 +15,13 @@ import importlib.metadata
 import json
 import logging
 import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
@@ -37,9 +37,6 @@ Key = str  # hex sha256
 PACKAGE = Path(__file__).parent
 # Ground floor: what they hold is schema or plumbing, and reaches a key through the values themselves.
 NOT_PART_OF_A_RESULT = {"fdslam", "fdslam.errors", "fdslam.config", "fdslam.store", "fdslam.progress"}
-# Asked for once, on import: to read it is to set it for a moment, and two threads would set it to 0 for good.
-UMASK = os.umask(0)
-os.umask(UMASK)
 
 
 def write_atomically(path: Path, *data: bytes | memoryview) -> None:
@@ -50,17 +47,16 @@ def write_atomically(path: Path, *data: bytes | memoryview) -> None:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".partial")
+        temporary = path.parent / f".{uuid4().hex}.partial"
         try:
-            with os.fdopen(handle, "wb") as file:
+            with temporary.open("xb") as file:
                 for piece in data:
                     file.write(piece)
                 file.flush()
                 os.fsync(file.fileno())
-            os.chmod(temporary, 0o666 & ~UMASK)  # mkstemp makes files that nobody else may read
-            os.replace(temporary, path)
+            temporary.replace(path)
         finally:
-            Path(temporary).unlink(missing_ok=True)  # there only if something failed
+            temporary.unlink(missing_ok=True)  # there only if something failed
     except OSError as error:
         raise InputError(
             f"cannot write {path}: {error.strerror or error}; what is finished is kept: "

@@ -2,6 +2,7 @@
 
 Python 3.11 counts the depth of the tree it makes in one place for all threads, and takes another thread's levels for a
 fault of its own (SystemError "AST constructor recursion depth mismatch") when a garbage collection lets that one in.
+Only those that come here wait for each other: ``ast.parse`` elsewhere in the process does not.
 """
 
 from __future__ import annotations

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from fdslam import keypoints, mapping
-from fdslam.compact.map import learned
 from fdslam.compact.source import Source
 from fdslam.compact.training import made_up
 from fdslam.config import Config
-from fdslam.context import Context
+from fdslam.context import Context, learned
 from fdslam.data import Outline
 from fdslam.detectors import anomaly, compact, comparison, early, fault_diagnosis
 from fdslam.hypotheses import hypotheses
@@ -54,7 +53,7 @@ def everything(config: Config, sizes: Outline) -> Todo:
     costly = {"BING", "YOLO"} & {*parse_library(config.obb.library)}
     times = len({*config.evaluation.curve_Y, config.evaluation.Y})
     uses = config.mix.detectors
-    taught = [learned(config.compact, count) for count in sizes.maps] if config.mix.compact else ()
+    taught = [learned(config, count) for count in sizes.maps]
     return Todo(
         make=sizes.missing,
         masks=queries if config.mask.source == "deeplabv3plus" else 0,
@@ -63,7 +62,7 @@ def everything(config: Config, sizes: Outline) -> Todo:
         learn=mapped,
         localise=queries,
         sift=sizes.images if "PC" in uses else 0,
-        train=mapped if "AD" in uses else 0,
+        train=sum(taught) if "AD" in uses else 0,
         support=queries if "FD" in uses and config.fd.support else 0,
         fd=times * queries if "FD" in uses else 0,
         pc=times * queries if "PC" in uses else 0,
@@ -81,6 +80,7 @@ class _Lost:
     counts: Counter[str] = field(default_factory=Counter)  # by the names of ``Todo``
     learn: dict[Key, int] = field(default_factory=dict)  # map images of each map that it does not hold
     train: dict[Key, int] = field(default_factory=dict)  # map images of places without a trained AE, of each map
+    pretend: dict[Key, int] = field(default_factory=dict)  # map images to make up changes in, of each map
     sifts: set[Key] = field(default_factory=set)  # addresses of those that are needed
     support: set[Key] = field(default_factory=set)  # addresses of what is missing
     looks: set[Key] = field(default_factory=set)  # likewise
@@ -119,6 +119,7 @@ def remaining(
         learn=sum(lost.learn.values()),
         sift=store.lacks(comparison.FEATURES, lost.sifts),
         train=sum(lost.train.values()),
+        pretend=sum(lost.pretend.values()),
         support=len(lost.support),
         looks=len(lost.looks),
     )
@@ -133,7 +134,7 @@ def _look_at(context: Context, bow: mapping.BowMap, lost: _Lost, every_sift: Ite
         lost.looks |= compact.missing_looks(context)
     if "AD" in config.mix.detectors:
         lost.train[bow.keys[-1]] = untrained(context)
-    lost.counts["pretend"] += _made_up(context, times)
+    lost.pretend[bow.keys[-1]] = _made_up(context, times)
     lost.learn[bow.keys[-1]], unknown = bow.missing(data.query)
     if unknown:  # what they will be compared with is not known
         lost.sifts.update(every_sift)

@@ -169,7 +169,7 @@ def test_an_update_is_timed_with_and_without_learning_again(tmp_path, monkeypatc
 
     def noted(detector, images, learn):
         plain(detector, images, learn=learn)
-        grown.append((len(detector), detector.config.compact.learned))
+        grown.append((len(detector), detector.config.learned))
 
     monkeypatch.setattr(update.ChangeDetector, "update", noted)
     rows = [line.strip("| ").split(" | ") for line in update.lines(photos, 6, SETTINGS)]

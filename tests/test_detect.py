@@ -274,8 +274,10 @@ def test_nothing_is_overwritten(world, store, tmp_path, capsys):
 def test_a_query_that_cannot_be_read_is_told_before_the_map_is_built(world, store, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("fdslam.api.ChangeDetector.fit", lambda *_: pytest.fail("the map was built"))
     (tmp_path / "text.png").write_text("no image")
-    assert command(world, store, tmp_path / "out", str(tmp_path / "text.png")) == 2
-    assert "not an image" in capsys.readouterr().err
+    query = str(world / "query" / "1.png")
+    for words in ([str(tmp_path / "text.png")], ["--add", str(tmp_path), query]):
+        assert command(world, store, tmp_path / "out", *words) == 2
+        assert "not an image" in capsys.readouterr().err
 
 
 def test_a_saved_map_grows_without_its_photos(world, store, tmp_path, capsys):
@@ -296,7 +298,7 @@ def test_a_saved_map_grows_without_its_photos(world, store, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["info"]["map_images"] == 10
     assert main(["--map", saved, "--out", str(tmp_path / "a"), *words, query]) == 0
     grown = json.loads(capsys.readouterr().out)
-    at_once = ["--map", str(world / "map"), "--detectors", "CC+EF", *WORDS, "--set", "compact.learned=6"]
+    at_once = ["--map", str(world / "map"), "--detectors", "CC+EF", *WORDS, "--set", "learned=6"]
     assert main([*at_once, "--out", str(tmp_path / "b"), "--store", str(store), "--json", "--quiet", query]) == 0
     expected = json.loads(capsys.readouterr().out)
     assert grown["annotations"] == expected["annotations"] != []

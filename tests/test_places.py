@@ -11,7 +11,17 @@ import numpy as np
 import pytest
 
 from fdslam.errors import InputError
-from fdslam.places import BINS, CLIP, GRID, SIDE, global_descriptor, place_classes, pose_vectors, time_vectors
+from fdslam.places import (
+    BINS,
+    CLIP,
+    GRID,
+    SIDE,
+    global_descriptor,
+    nearest_places,
+    place_classes,
+    pose_vectors,
+    time_vectors,
+)
 from tests.reference import block_normalised, inertia, orientation_histogram
 
 
@@ -122,6 +132,27 @@ def test_partition_is_the_same_again_and_in_another_thread():
 def test_partition_refuses_what_cannot_be_partitioned(vectors, k):
     with pytest.raises(InputError, match="k-means"):
         place_classes(vectors, k, seed=0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_later_images_go_to_the_place_whose_mean_is_nearest(seed):
+    rng = np.random.default_rng(seed)
+    vectors = rng.integers(0, 4, (30, 2)).astype(np.float64)  # whole numbers: some are as near to two places
+    label = place_classes(vectors[:12], 4, seed)
+    found = nearest_places(vectors, label)
+    assert np.array_equal(found[:12], label)
+    for vector, place in zip(vectors[12:], found[12:], strict=True):
+        means = [
+            [np.mean([v[d] for v, one in zip(vectors, label, strict=False) if one == c]) for d in (0, 1)]
+            for c in range(label.max() + 1)
+        ]
+        distance = [sum((a - b) ** 2 for a, b in zip(mean, vector, strict=True)) for mean in means]
+        assert place == distance.index(min(distance))
+
+
+def test_no_later_image_changes_nothing():
+    label = np.array([0, 1, 0])
+    assert np.array_equal(nearest_places(np.zeros((3, 2)), label), label)
 
 
 def test_pose_and_time_vectors():

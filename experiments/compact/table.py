@@ -55,11 +55,10 @@ def main() -> None:
     name = "gradients" if asked.gradients else Path(asked.looks or asked.yolo or "yolo_campus.onnx").stem
     for folder in asked.folders or [None]:
         base = configuration(folder, asked.yolo, asked.bing, asked.store)
-        compact = replace(
-            base.compact, source=source, weights=asked.looks, previous=asked.previous, learned=asked.learned
-        )
+        compact = replace(base.compact, source=source, weights=asked.looks, previous=asked.previous)
         early = replace(base.early, model=asked.model)
-        config = replace(base, compact=compact, early=early, mix=replace(base.mix, rows=ROWS))
+        mix = replace(base.mix, rows=ROWS)
+        config = replace(base, compact=compact, early=early, mix=mix, learned=asked.learned)
         outcome = run(config, Stopwatch())
         for line in lines(outcome, config, name):
             print(line, flush=True)

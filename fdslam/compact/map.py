@@ -15,7 +15,6 @@ from fdslam.compact.source import Source
 from fdslam.config import Dense
 from fdslam.context import Words, ensure, load
 from fdslam.data.images import LIBRARIES, read_image
-from fdslam.errors import InputError
 from fdslam.sampling import evenly
 from fdslam.store import Arrays, Key, Stage, Store
 from fdslam.types import Features, Frame
@@ -64,29 +63,26 @@ class Placed:
         return (self.xy * (np.array([width, height]) / WHOLE)).astype(np.float32)
 
 
-def learned(config: Dense, images: int) -> int:
-    """Return how many images of a map of so many are learned from: its first ones.
-
-    Raises:
-        InputError: more than there are.
-    """
-    if config.learned > images:
-        raise InputError(f"compact.learned={config.learned}: the map has {images} images; name at most as many, or 0")
-    return config.learned or images
-
-
 class CompactMap:
     """What a map keeps of its images' looks, and where their words were; and the looks of queries beside it."""
 
     def __init__(
-        self, frames: Sequence[Frame], source: Source, config: Dense, bow: Words, store: Store, workers: int
+        self,
+        frames: Sequence[Frame],
+        source: Source,
+        config: Dense,
+        bow: Words,
+        store: Store,
+        workers: int,
+        learned: int | None = None,
     ) -> None:
+        """Take what it is made of; ``learned``: how many of its images descriptors are centred on, without it all."""
         self.frames, self.source, self.config, self.bow = tuple(frames), source, config, bow
-        self.store, self.workers = store, workers
+        self.store, self.workers, self.learned = store, workers, learned or len(frames)
         self._placed = lru_cache(RECENT)(self._unpacked)
 
     def _sample(self) -> list[Frame]:
-        return [self.frames[i] for i in evenly(learned(self.config, len(self.frames)), self.config.sample)]
+        return [self.frames[i] for i in evenly(self.learned, self.config.sample)]
 
     @cached_property
     def centring_key(self) -> Key:

@@ -150,6 +150,12 @@ class Config(Checked):
     workers: int = option(0, "parallel workers; 0: one per core. Never changes a result", low=0, high=1024)
     device: str = option("cpu", "where torch runs: cpu or cuda")
     store: str = option("outputs/store", "folder of the artefacts that a second run reuses")
+    learned: int = option(
+        0,
+        "the first images of the map, which places, autoencoders, centring and early fusion learn from; it may then "
+        "grow without its photos. 0: all",
+        low=0,
+    )
     dataset: Dataset = field(default_factory=Dataset)
     obb: Obb = field(default_factory=Obb)
     bow: Bow = field(default_factory=Bow)

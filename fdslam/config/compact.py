@@ -24,12 +24,6 @@ class Dense(Checked):
     coarse_bits: int = option(128, "most bits of a descriptor at stride 16", choices=(64, 128, 192, 256))
     kilobytes: float = option(25.0, "most KB of the descriptors of an image: larger ones are seen smaller", low=1)
     sample: int = option(200, "map images, evenly spread, that the descriptors are centred on", low=1)
-    learned: int = option(
-        0,
-        "the first images of the map, which centring and early fusion learn from: it may then grow without its "
-        "photos. 0: all",
-        low=0,
-    )
 
 
 @dataclass

@@ -16,7 +16,7 @@ from fdslam.compact.evidence import evidence
 from fdslam.compact.map import SIGNS, CompactMap
 from fdslam.compact.sequence import pooled
 from fdslam.config import Alignment, Compact, part
-from fdslam.context import Context, Detected
+from fdslam.context import Context, Detected, learned
 from fdslam.store import Arrays, Key, Stage
 from fdslam.types import Cells
 
@@ -31,8 +31,9 @@ def compact_map(context: Context) -> CompactMap:
     """Return the compact map of a run."""
     assert context.bow is not None  # the pipeline gives it
     assert context.looks is not None
-    config = context.config
-    return CompactMap(context.dataset.map, context.looks, config.compact, context.bow, context.store, config.workers)
+    config, frames = context.config, context.dataset.map
+    taught = learned(config, len(frames))
+    return CompactMap(frames, context.looks, config.compact, context.bow, context.store, config.workers, taught)
 
 
 def evidence_keys(context: Context, kept: CompactMap) -> list[Key]:

@@ -7,13 +7,11 @@ The paper names it as future work. It is trained while the map is built, on chan
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fdslam.compact.features import features
-from fdslam.compact.map import learned
 from fdslam.compact.shipped import shipped_trees
 from fdslam.compact.training import fd_of, lacking, made_up, trained
 from fdslam.compact.trees import Trees
@@ -24,21 +22,9 @@ from fdslam.store import Arrays
 from fdslam.types import grid_shape
 
 
-def as_learned(context: Context) -> Context:
-    """Return the run as it was when its map held none but the images that are learned from."""
-    data, bow = context.dataset, context.bow
-    images = learned(context.config.compact, len(data.map))
-    if images == len(data.map):
-        return context
-    assert bow is not None  # the pipeline gives it
-    poses = None if data.poses is None else data.poses[:images]
-    then = replace(data, map=data.map[:images], poses=poses, times=data.times[:images])
-    return replace(context, dataset=then, bow=bow.first(images))
-
-
 def trees_of(context: Context) -> Trees:
     """Return the learner that the configuration wants."""
-    then = as_learned(context)
+    then = context.learned()
     if not made_up(context.config.early, len(then.dataset.map)):
         return shipped_trees(context.config)
     return trained(then, compact_map(then))
@@ -46,7 +32,7 @@ def trees_of(context: Context) -> Trees:
 
 def missing(context: Context) -> int:
     """Count the map images in which changes are still to be made up."""
-    then = as_learned(context)
+    then = context.learned()
     if not made_up(context.config.early, len(then.dataset.map)):
         return 0
     return lacking(then, compact_map(then))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 from fdslam.context import Context, Detected
 from fdslam.detectors import anomaly, compact, comparison, early, fault_diagnosis
@@ -16,15 +15,15 @@ class Detector:
 
     detect: Callable[[Context], Detected]
     prepare: Callable[[Context], None]  # makes what it keeps of the map, and reads all of it; no query is looked at
-    learns: Literal["nothing", "once", "again"]  # of all map images; *once*: it may stay as it is when the map grows
+    learns: bool  # from map images together: when the map grows, again from all, or it stays as it was
 
 
 DETECTORS: dict[str, Detector] = {
-    "FD": Detector(fault_diagnosis.detect, fault_diagnosis.prepare, "nothing"),
-    "PC": Detector(comparison.detect, comparison.prepare, "nothing"),
-    "AD": Detector(anomaly.detect, anomaly.prepare, "again"),
-    "CC": Detector(compact.detect, compact.prepare, "once"),
-    "WC": Detector(compact.new_words, compact.prepare, "once"),
-    "MW": Detector(compact.missing_words, compact.prepare, "once"),
-    "EF": Detector(early.detect, early.prepare, "once"),
+    "FD": Detector(fault_diagnosis.detect, fault_diagnosis.prepare, learns=False),
+    "PC": Detector(comparison.detect, comparison.prepare, learns=False),
+    "AD": Detector(anomaly.detect, anomaly.prepare, learns=True),
+    "CC": Detector(compact.detect, compact.prepare, learns=True),
+    "WC": Detector(compact.new_words, compact.prepare, learns=True),
+    "MW": Detector(compact.missing_words, compact.prepare, learns=True),
+    "EF": Detector(early.detect, early.prepare, learns=True),
 }

@@ -22,7 +22,8 @@ _NETWORKS = f"obb.yolo.weights={_D}/models/yolox_nano.onnx obb.bing.filters={_D}
 _FILTERS = f"--published {_D}/models/bing"
 _OURS = "--looks fdslam/weights/yolo_campus.onnx"
 _SWEPT = "ad.k=2,5,10 ad.c=0.4,0.8,1.6 evaluation.Y=1,3,10"
-_EXACT = f"dataset=folder dataset.root={_D}/camvid_changes bow.exact_below=1000000 {_KEYS}"
+_CHANGES = f"dataset=folder dataset.root={_D}/camvid_changes"
+_EXACT = f"{_CHANGES} bow.exact_below=1000000 {_KEYS}"
 
 ONLY_READ = {
     IN_CI: ["make demo", "make test"],
@@ -50,6 +51,8 @@ ONLY_READ = {
         "python -m fdslam.run -m +experiment=fd_ad ad.k=2,5,10 ad.c=0.4,0.8 evaluation.Y=1,10",
         "python -m fdslam.run -m mix=fd,fd_ad,fd_ad_pc obb=j_b,j_b_bing_yolo hydra/launcher=joblib workers=1",
         f"python -m fdslam.run -m +experiment=fd_ad_pc {_SWEPT} report.pictures=0",
+        'python -m fdslam.run -m "mix.rows=[AD]" learned=0,48,24 obb=j_b',
+        f'python -m fdslam.run -m "mix.rows=[AD]" learned=0,82,41 obb=j_b {_CHANGES}',
         "python -m fdslam.run +experiment=obb_study",
         f"python -m fdslam.run +experiment=obb_study {_EXACT}",
         "python -m experiments.obb_study.libraries outputs/obb_study/*_sweep --plot libraries.png",
