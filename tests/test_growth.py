@@ -19,6 +19,7 @@ from fdslam.models import load_models
 from fdslam.obb import Library
 from fdslam.pipeline import run
 from fdslam.provenance import Stopwatch
+from fdslam.report.tables import summary
 from fdslam.store import Store
 from fdslam.todo import Todo, everything, remaining
 from tests.compact.walks import config_for, walk
@@ -77,9 +78,12 @@ def test_the_pipeline_finds_the_same(world, tmp_path):
     outcome = run(config, Stopwatch())
     for one, cells in zip(grown.detect_all(files(world / "query")), outcome.maps["FD+AD+CC+EF"], strict=True):
         assert np.array_equal(one.cells, cells)
-    everything = run(replace(config, learned=0), Stopwatch())
+    assert summary(outcome, config)[1].endswith("viewpoint predicted, learned from the first 6 map images")
+    from_all = replace(config, learned=0)
+    of_all = run(from_all, Stopwatch())
+    assert summary(of_all, from_all)[1].endswith("viewpoint predicted")
     for row in ("AD", "CC", "EF"):  # it does matter what is learned from
-        assert any(not np.array_equal(*pair) for pair in zip(everything.maps[row], outcome.maps[row], strict=True))
+        assert any(not np.array_equal(*pair) for pair in zip(of_all.maps[row], outcome.maps[row], strict=True))
 
 
 def test_a_loaded_map_learns_again_from_all_if_asked(world, tmp_path):

@@ -64,11 +64,12 @@ def summary(outcome: Outcome, config: Config) -> list[str]:
     """Return the lines above the table: the data, the setting and the localisation recall."""
     data = outcome.dataset
     boxes = "no annotations" if data.boxes is None else f"{sum(map(len, data.boxes))} changed objects"
+    taught = f", learned from the first {config.learned} map images" if config.learned else ""
     which = f", {len(outcome.pairs)} pairs of sessions" if outcome.pairs else f" {label(data)}".rstrip()
     lines = [
         f"{data.name}{which}: {map_images(data)} map images, {len(data.query)} queries, {boxes}",
         f"mode {config.mode}{_but(config)}, OBBs {config.obb.library}, Y = {config.evaluation.Y}, "
-        f"mask {config.mask.source}, viewpoint {config.evaluation.viewpoint}",
+        f"mask {config.mask.source}, viewpoint {config.evaluation.viewpoint}{taught}",
     ]
     bare = sum(pair.dataset.boxes is None for pair in outcome.pairs)
     if outcome.rows and bare:
