@@ -152,7 +152,8 @@ def detector_of(asked: argparse.Namespace) -> ChangeDetector:
 
 def detect(asked: argparse.Namespace) -> str:
     """Do what was asked for; return what is to be printed."""
-    from fdslam.data.live import file_frame, images_in
+    from fdslam.data.images import image_size
+    from fdslam.data.live import images_in
     from fdslam.report.findings import findings
 
     watch = Stopwatch()
@@ -161,7 +162,7 @@ def detect(asked: argparse.Namespace) -> str:
         warnings.filterwarnings("ignore", module="PIL")  # of a torn file, just before the error that names it
         frames = list(frames_in(asked.query, asked.every, Path(folder)))  # what is no image is told before the map
         for image in chain.from_iterable(map(images_in, asked.add)):
-            file_frame(image)
+            image_size(image)
         with watch.stage("map"):
             detector = detector_of(asked)
             for added in asked.add:

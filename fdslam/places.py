@@ -10,6 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
@@ -110,8 +111,7 @@ def nearest_places(vectors: NDArray[np.floating], label: NDArray[np.int64]) -> N
     vectors = np.ascontiguousarray(vectors, dtype=np.float64)
     mean = np.stack([vectors[: len(label)][label == place].mean(axis=0) for place in range(label.max() + 1)])
     later = vectors[len(label) :]
-    distance = ((later[:, None] - mean[None]) ** 2).sum(axis=2)
-    return np.concatenate([label, distance.argmin(axis=1)])
+    return np.concatenate([label, cdist(later, mean, "sqeuclidean").argmin(axis=1)])
 
 
 def place_classes(vectors: NDArray[np.floating], k: int, seed: int) -> NDArray[np.int64]:

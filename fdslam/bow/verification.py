@@ -56,6 +56,10 @@ def _at_hand(ours: bytes, theirs: bytes) -> Matches:
     return found
 
 
+def _recent(query: Features, other: Features) -> Matches:
+    return _at_hand(query.descriptors.tobytes(), other.descriptors.tobytes())
+
+
 def _usac() -> cv2.UsacParams:
     """Return the parameters of RANSAC: a fixed state and one thread, so that a result is always the same."""
     parameters = cv2.UsacParams()
@@ -72,7 +76,7 @@ def supporting_matches(query: Features, other: Features, least: int) -> Matches:
     Returns:
         Indices of the keypoints of either image, int64 [k] each, the first rising.
     """
-    return _fitting(query, other, _at_hand(query.descriptors.tobytes(), other.descriptors.tobytes()), least)
+    return _fitting(query, other, _recent(query, other), least)
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,7 @@ def best_supported(
     matched = []
     for m in images:
         other = words(m)
-        matches = _at_hand(query.descriptors.tobytes(), other.descriptors.tobytes())
+        matches = _recent(query, other)
         matched.append((-len(matches[0]), m, other, matches))
     found: list[Supported] = []
     for negative, m, other, matches in sorted(matched, key=lambda one: one[:2]):
